@@ -5,6 +5,7 @@
 mod program;
 
 use std::fs;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use cloth_deformer::Mesh;
@@ -153,6 +154,65 @@ half = [1.5, 0.5, 1.5]
         // From -0.1 m to 0 m within a frame would be 2.5 to 6 m/s.
         assert!((restart + 1..=61).all(|number| highest(number) < 0.05), "{fps} a second, {period} s: thrown");
     }
+}
+
+/// A box that loops from 0 to 360 degrees turns on as one that goes further does: both are the same pose.
+#[test]
+fn a_loop_of_whole_turns_turns_on() {
+    let turned = |rotate: &str| {
+        let table = format!(
+            "[[collider]]\nshape = \"box\"\ncenter = [0, -0.501, 0]\nhalf = [1.5, 0.5, 1.5]\nfriction = 2\nrotate = {rotate}\n"
+        );
+        let (directory, output) = scene(&(SHEET.replace("gravity = [0, 0, 0]", "") + &table), &["--frames", "41"]);
+        succeeds(&output);
+        frame(&directory, 41)
+    };
+    let ramp = |angles: [i32; 3]| {
+        let [x, y, z] = angles;
+        turned(&format!("[{{ time = 0, value = [0, 0, 0] }}, {{ time = 5, value = [{x}, {y}, {z}] }}]"))
+    };
+    let repeated = |angles: [i32; 3]| {
+        let [x, y, z] = angles;
+        turned(&format!(
+            "{{ loop = true, keys = [{{ time = 0, value = [0, 0, 0] }}, {{ time = 0.5, value = [{x}, {y}, {z}] }}] }}"
+        ))
+    };
+    // A jump would stop the cloth for a frame, in which the box turns by 12 degrees.
+    for sign in [1, -1] {
+        let apart =
+            iter::zip(ramp([0, sign * 3600, 0]), repeated([0, sign * 360, 0])).map(|(x, y)| x.distance(y)).fold(0.0, f32::max);
+        assert!(apart < 1e-4, "{apart} m apart after a repetition of {sign} turn");
+    }
+}
+
+/// A box that turns back at each repetition jumps there: it throws nothing.
+#[test]
+fn a_loop_of_less_than_a_turn_throws_nothing() {
+    let table = "
+[[collider]]
+shape = \"box\"
+center = [0, -0.5, 0]
+half = [1.5, 0.5, 1.5]
+rotate = { loop = true, keys = [{ time = 0, value = [0, 0, 0] }, { time = 0.25, value = [0, 0, 10] }] }
+";
+    let (directory, output) = scene(&(SHEET.replace("gravity = [0, 0, 0]", "") + table), &["--frames", "31"]);
+    succeeds(&output);
+    let highest = (16..=31).flat_map(|number| frame(&directory, number)).map(|x| x.y).fold(f32::MIN, f32::max);
+    assert!(highest < 0.3, "thrown to {highest} m");
+}
+
+/// The length of a normal has no meaning, so a loop that changes nothing else does not stop a plane that rises.
+#[test]
+fn a_loop_of_a_normal_s_length_stops_nothing() {
+    let lifted = |normal: &str| {
+        let floor =
+            "[[collider]]\nshape = \"plane\"\npoint = [{ time = 0, value = [0, 0, 0] }, { time = 1, value = [0, 1, 0] }]\n";
+        let (directory, output) = scene(&format!("{SHEET}{floor}normal = {normal}\n"), &["--frames", "14"]);
+        succeeds(&output);
+        frame(&directory, 14)
+    };
+    let longer = "{ loop = true, keys = [{ time = 0, value = [0, 1, 0] }, { time = 0.2, value = [0, 3, 0] }] }";
+    assert_eq!(lifted("[0, 1, 0]"), lifted(longer));
 }
 
 #[test]

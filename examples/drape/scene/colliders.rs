@@ -18,6 +18,9 @@ use crate::pins::bounds;
 /// Number of frames for which animated values are checked before the run.
 const LOOKED_AHEAD: usize = 100_000;
 
+/// Largest difference by rounding between quaternions, and between unit vectors, that are the same.
+const SAME: f32 = 1e-5;
+
 /// A collider that may move.
 #[derive(Debug)]
 pub(super) struct Moving {
@@ -42,6 +45,19 @@ enum Motion {
 pub(super) fn turn(degrees: Vec3) -> Quat {
     let Vec3 { x, y, z } = degrees * (std::f32::consts::PI / 180.0);
     Quat::from_euler(EulerRot::ZYX, z, y, x)
+}
+
+/// Whether two rotations (degrees) lead to the same pose, as 0 and 360 do.
+fn are_same_pose(first: Vec3, last: Vec3) -> bool {
+    // The remainder is exact, while many turns in radians are not.
+    let [first, last] = [first, last].map(|degrees| turn(degrees % 360.0));
+    // Each pose has two quaternions.
+    (first - last).length().min((first + last).length()) < SAME
+}
+
+/// Whether two normals point the same way: their lengths have no meaning.
+fn are_same_direction(first: Vec3, last: Vec3) -> bool {
+    first.normalize_or_zero().distance(last.normalize_or_zero()) < SAME
 }
 
 impl Moving {
@@ -70,13 +86,14 @@ impl Moving {
         match &self.motion {
             Motion::Still(_) | Motion::Mesh(_) => false,
             Motion::Sphere { center, radius } => center.jumps(from, to) || radius.jumps(from, to),
-            Motion::Plane { point, normal } => point.jumps(from, to) || normal.jumps(from, to),
+            Motion::Plane { point, normal } => point.jumps(from, to) || normal.jumps_unless(from, to, are_same_direction),
             Motion::Capsule { a, b, radius } => a.jumps(from, to) || b.jumps(from, to) || radius.jumps(from, to),
             Motion::TaperedCapsule { a, radius_a, b, radius_b } => {
                 a.jumps(from, to) || b.jumps(from, to) || radius_a.jumps(from, to) || radius_b.jumps(from, to)
             }
             Motion::Box { center, half, rotate, radius } => {
-                center.jumps(from, to) || half.jumps(from, to) || rotate.jumps(from, to) || radius.jumps(from, to)
+                let turns_back = rotate.jumps_unless(from, to, are_same_pose);
+                turns_back || center.jumps(from, to) || half.jumps(from, to) || radius.jumps(from, to)
             }
         }
     }

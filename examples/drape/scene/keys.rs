@@ -87,7 +87,13 @@ impl<T: Value> Animated<T> {
 
     /// Whether a loop whose last value differs from its first restarted between two times (s).
     pub(crate) fn jumps(&self, from: f64, to: f64) -> bool {
-        self.keys[0].value != self.keys[self.keys.len() - 1].value && self.within(from).1 != self.within(to).1
+        self.jumps_unless(from, to, |first, last| first == last)
+    }
+
+    /// [`Animated::jumps`] for values that may be the same though their numbers differ, such as angles of 0 and 360
+    /// degrees.
+    pub(super) fn jumps_unless(&self, from: f64, to: f64, are_same: impl Fn(T, T) -> bool) -> bool {
+        self.within(from).1 != self.within(to).1 && !are_same(self.keys[0].value, self.keys[self.keys.len() - 1].value)
     }
 
     /// The time within the keys, and the number of completed loops.
