@@ -309,3 +309,71 @@ fn what_cannot_be_varied_is_refused() {
         fails(&run(&directory, arguments), 2, &[word]);
     }
 }
+
+/// A receipt must not tell of values that an option has replaced.
+#[test]
+fn what_is_varied_is_not_overridden() {
+    let text = "
+frames = 2
+[quality]
+iterations = 3
+method = \"relaxation\"
+[[cloth]]
+name = \"rag\"
+grid = { columns = 3, rows = 3, width = 1, height = 1 }
+fabric = { preset = \"silk\" }
+pin = [{ vertices = [0] }]
+[wind]
+velocity = [0, 0, 0]
+[[collider]]
+name = \"ball\"
+shape = \"sphere\"
+center = [0, -1, 0]
+radius = 0.2
+[[vary]]
+";
+    let directory = TempDir::new().unwrap();
+    let start = |key: &str, value: &str, options: &[&str]| {
+        let vary = format!("key = \"{key}\"\nvalues = [{value}]\n");
+        fs::write(directory.path().join("s.toml"), text.to_owned() + &vary).unwrap();
+        run(&directory, &[&["--scene", "s.toml", "--variant", "1", "--out", "out"], options].concat())
+    };
+    let table: &[(&str, &str, &[&str])] = &[
+        ("cloth.rag.fabric.preset", "\"denim\"", &["--fabric", "cotton"]),
+        ("cloth.1.fabric", "\"denim\"", &["--fabric", "cotton"]),
+        ("cloth", "[{ grid = { columns = 3, rows = 3, width = 1, height = 1 }, fabric = \"denim\" }]", &["--fabric", "cotton"]),
+        ("cloth.rag.pin.1.vertices", "[1]", &["--pin", "top"]),
+        ("cloth.rag.grid.width", "2", &["missing.obj"]),
+        ("cloth.rag.scale", "2", &["--scale", "1"]),
+        ("frames", "3", &["--frames", "4"]),
+        ("output", "{ folder = \"a\" }", &[]),
+        ("wind", "{ velocity = [1, 0, 0] }", &["--wind", "1,0,0"]),
+        ("quality.share", "0.9", &["--substeps", "4"]),
+        ("quality.iterations", "4", &["--method", "springs"]),
+        ("collider.ball.radius", "0.1", &["--no-sphere"]),
+        ("collider.1.radius", "0.1", &["--sphere", "0,-2,0,1"]),
+        ("collider", "[{ shape = \"plane\", point = [0, -1, 0] }]", &["--floor", "-1"]),
+        ("collider.ball.shape", "\"plane\"", &["--no-floor"]),
+        ("collider.ball.friction", "0.1", &["--friction", "0"]),
+    ];
+    for &(key, value, options) in table {
+        let option = options.first().map_or("--out", |&option| if option == "missing.obj" { "MESH.obj" } else { option });
+        let output = start(key, value, options);
+        println!("{key} {options:?} -> {}", stderr(&output).trim_end());
+        fails(&output, 2, &["s.toml:18: ", key, option, "leave out"]);
+        assert!(!directory.path().join("out").exists());
+    }
+    // Other parts of a scene may be overridden.
+    let table: &[(&str, &str, &[&str])] = &[
+        ("cloth.rag.shear", "10", &["--fabric", "cotton"]),
+        ("wind.gusts", "{ strength = 1 }", &["--wind", "1,0,0"]),
+        ("quality.iterations", "4", &["--method", "relaxation"]),
+        ("quality", "{ substeps = 4 }", &["--levels", "off"]),
+        ("collider", "[]", &["--floor", "-1"]),
+        ("collider.ball.radius", "0.1", &["--plane", "0,-2,0,0,1,0"]),
+    ];
+    for &(key, value, options) in table {
+        println!("{key} {options:?}");
+        succeeds(&start(key, value, options));
+    }
+}

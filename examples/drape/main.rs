@@ -23,6 +23,7 @@ mod command;
 mod diff;
 mod frames;
 mod output;
+mod overrides;
 mod pins;
 mod play;
 mod preview;

@@ -12,6 +12,7 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::command::{say, warn};
 use crate::output::Outputs;
+use crate::overrides::overriding;
 use crate::play::play;
 use crate::receipt::{self, Figures, Inputs, Receipt, hash, input_files, lanes};
 use crate::scene::Scene;
@@ -59,6 +60,10 @@ impl Sweep {
             }
             let mut varied = table.clone();
             set(&mut varied, key, &values[0]).map_err(|why| source.wrong_in(given, why))?;
+            if let Some(option) = overriding(arguments, &table, key, &values) {
+                let message = format_args!("{key} is varied, but {option} overrides its values; leave out one of the two");
+                return Err(source.wrong_in(given, message));
+            }
             // A key that no scene has is wrong in every variant; a value may be wrong in one.
             let varied = toml::to_string(&varied).map_err(|error| source.wrong_in(given, error))?;
             match Source::parse(&path, varied, Some(format!("{key} = {}", values[0]))) {
@@ -221,12 +226,10 @@ fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
             Some(Value::Table(inner)) => inner,
             Some(Value::Array(list)) => {
                 let item = words.next().unwrap_or_default();
-                let is_named = |one: &Value| one.get("name").and_then(Value::as_str) == Some(item);
-                if list.iter().filter(|one| is_named(one)).count() > 1 {
+                if list.iter().filter(|one| is_named(one, item)).count() > 1 {
                     return Err(format!("{path}: more than one `{word}` is called `{item}`; give its number from 1"));
                 }
-                let place = list.iter().position(is_named).or_else(|| item.parse::<usize>().ok()?.checked_sub(1));
-                let found = place.and_then(|place| list.get_mut(place)).and_then(Value::as_table_mut);
+                let found = place(list, item).and_then(|place| list[place].as_table_mut());
                 found.ok_or_else(|| format!("{path}: `{word}` has no `{item}`; give a name or a number from 1"))?
             }
             _ => {
@@ -236,6 +239,16 @@ fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
     }
     at.insert(last.to_owned(), value.clone());
     Ok(())
+}
+
+/// The place of the item of a list with this name or number from 1.
+pub(crate) fn place(list: &[Value], item: &str) -> Option<usize> {
+    let by_number = || item.parse::<usize>().ok()?.checked_sub(1).filter(|&place| place < list.len());
+    list.iter().position(|one| is_named(one, item)).or_else(by_number)
+}
+
+fn is_named(one: &Value, name: &str) -> bool {
+    one.get("name").and_then(Value::as_str) == Some(name)
 }
 
 /// The command line, except which variants are run and the output folder.

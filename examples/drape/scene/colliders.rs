@@ -236,6 +236,19 @@ fn numbers_of(shape: ShapeName) -> (&'static str, &'static [&'static str]) {
     }
 }
 
+/// The option of the command line that replaces the scene's colliders of a shape, if any.
+pub(crate) fn replacing(arguments: &Arguments, shape: ShapeName) -> Option<&'static str> {
+    let Arguments { sphere, capsule, solid_box, body, plane, floor, no_sphere, no_floor, .. } = arguments;
+    let options: &[(&str, bool)] = match shape {
+        ShapeName::Sphere => &[("--sphere", !sphere.is_empty()), ("--no-sphere", *no_sphere)],
+        ShapeName::Plane => &[("--plane", !plane.is_empty()), ("--floor", floor.is_some()), ("--no-floor", *no_floor)],
+        ShapeName::Capsule | ShapeName::TaperedCapsule => &[("--capsule", !capsule.is_empty())],
+        ShapeName::Box => &[("--box", !solid_box.is_empty())],
+        ShapeName::Mesh => &[("--body", !body.is_empty())],
+    };
+    options.iter().find(|&&(_, is_given)| is_given).map(|&(option, _)| option)
+}
+
 /// All colliders of a run. Those of a shape on the command line replace those of the same shape in the scene file.
 pub(super) fn colliders(
     arguments: &Arguments,
@@ -247,13 +260,6 @@ pub(super) fn colliders(
     let (mut all, mut under) = (Vec::new(), None);
     if let Some((source, file)) = scene {
         for (number, given) in file.collider.iter().enumerate() {
-            let is_replaced = match given.get_ref().shape {
-                ShapeName::Sphere => *no_sphere || !sphere.is_empty(),
-                ShapeName::Plane => *no_floor || floor.is_some() || !plane.is_empty(),
-                ShapeName::Capsule | ShapeName::TaperedCapsule => !capsule.is_empty(),
-                ShapeName::Box => !solid_box.is_empty(),
-                ShapeName::Mesh => !body.is_empty(),
-            };
             let moving = Moving::read(arguments, source, number + 1, given, timeline)?;
             if let Some(id) = moving.id
                 && let Some(earlier) = file.collider[..number].iter().find(|earlier| earlier.get_ref().id == Some(id))
@@ -261,7 +267,7 @@ pub(super) fn colliders(
                 let other = earlier.get_ref().name.as_deref().unwrap_or("another collider");
                 return Err(source.wrong_in(given, format_args!("id = {id} is that of {other}; give each its own")));
             }
-            if !is_replaced {
+            if replacing(arguments, given.get_ref().shape).is_none() {
                 all.push(moving);
             }
         }

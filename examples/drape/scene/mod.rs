@@ -23,6 +23,7 @@ use crate::command::warn;
 use crate::output::Outputs;
 use crate::preview::Look;
 use cloths::Cloths;
+pub(crate) use colliders::replacing;
 use colliders::{Moving, colliders};
 use file::{File, Source, Wind};
 use keys::Animated;
