@@ -113,7 +113,8 @@ fn help_goes_to_stdout() {
     let output = run(&directory, &["--help"]);
     succeeds(&output);
     let stdout = String::from_utf8_lossy(&output.stdout);
-    for option in ["--out", "--strain", "--no-floor", "--report", "numbers from 0", "Exit codes"] {
+    for option in ["--out", "--strain", "--no-floor", "--report", "numbers from 0", "frames are written in meters", "Exit codes"]
+    {
         assert!(stdout.contains(option), "no `{option}` in:\n{stdout}");
     }
 }
@@ -395,6 +396,9 @@ fn what_cannot_be_is_refused_in_one_line() {
         (&["--method", "magic"], &["--method", "magic", "small-steps"]),
         (&["--backend", "abacus"], &["--backend", "abacus", "hybrid"]),
         (&["--fabric", "steel"], &["--fabric", "steel", "denim"]),
+        (&["--self-contact", "-0.1"], &["--self-contact", "-0.1", "above 0"]),
+        (&["--self-contact", "mesh.obj"], &["`mesh.obj` is not a number", "--self-contact=0.005", "before"]),
+        (&["--self-contact", "--teapot"], &["--teapot"]),
         (&["--frames", "0"], &["--frames"]),
         (&["--frames", "-1"], &["--frames", "-1"]),
         (&["--fps", "0"], &["--fps"]),

@@ -302,6 +302,7 @@ fn what_cannot_be_varied_is_refused() {
         (&["--variant", "1"][..], "--scene"),
         (&["--list"], "--scene"),
         (&["--scene", "s.toml", "--variant", "0"], "from 1"),
+        (&["--scene", "s.toml", "--variant", "-3"], "from 1"),
         (&["--scene", "s.toml", "--variant", "3-1"], "from 1"),
         (&["--scene", "s.toml", "--variant", "1", "--save", "x"], "--save"),
         (&["--scene", "s.toml", "--variant", "1", "--list"], "--list"),

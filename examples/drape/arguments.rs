@@ -76,7 +76,7 @@ pub(crate) struct Arguments {
     /// Run one or several variants of the scene, counted from 1. Each gets a folder in --out, `variant_0001` and so on,
     /// with a receipt. A folder appears only when it is complete, and is then not run again unless its receipt has other
     /// inputs, such as another scene; then it is replaced
-    #[arg(long, value_name = "I|I-J", requires = "scene", conflicts_with_all = ["save", "resume"], value_parser = variants)]
+    #[arg(long, value_name = "I|I-J", requires = "scene", conflicts_with_all = ["save", "resume"], value_parser = variants, allow_hyphen_values = true)]
     pub(crate) variant: Option<RangeInclusive<u32>>,
 
     /// Write no frames: find the cheapest settings that keep this error, a distance from a resolved run (10mm) or a
@@ -86,7 +86,8 @@ pub(crate) struct Arguments {
           conflicts_with_all = ["list", "variant", "save", "resume", "untangle", "preview", "animate", "report", "pc2"])]
     pub(crate) tune: Option<Tolerance>,
 
-    /// Factor on the coordinates of all meshes, of colliders, too: 0.01 if they are in centimeters [default: 1]
+    /// Factor on the coordinates of all meshes, of colliders, too: 0.01 if they are in centimeters; frames are written in
+    /// meters, not in the units of the mesh [default: 1]
     #[arg(long, value_name = "S", value_parser = positive, allow_hyphen_values = true)]
     pub(crate) scale: Option<f32>,
 
@@ -185,7 +186,7 @@ pub(crate) struct Arguments {
     pub(crate) wind: Option<Vec3>,
 
     /// Contact of the cloth with itself, at this thickness (m) [default: 0.005]
-    #[arg(long, value_name = "METERS", num_args = 0..=1, default_missing_value = "0.005", value_parser = positive)]
+    #[arg(long, value_name = "METERS", num_args = 0..=1, default_missing_value = "0.005", value_parser = thickness, allow_negative_numbers = true)]
     pub(crate) self_contact: Option<f32>,
 
     /// Separate cloth that crosses itself or a mesh collider, before the first frame and every 0.2 s later; crossings that remain are reported
@@ -269,6 +270,12 @@ fn positive(text: &str) -> Result<f32, String> {
 
 fn not_negative(text: &str) -> Result<f32, String> {
     finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("it must be 0 or above".to_owned()) })
+}
+
+/// A value that may be missing, so that what comes next is taken for it.
+fn thickness(text: &str) -> Result<f32, String> {
+    let hint = "give the thickness, `--self-contact=0.005`, or put MESH.obj before this option";
+    if text.trim().parse::<f32>().is_ok() { positive(text) } else { Err(format!("`{text}` is not a number; {hint}")) }
 }
 
 /// Most frames a second: a step takes at least a nanosecond.
