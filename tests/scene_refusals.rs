@@ -36,7 +36,7 @@ fn what_cannot_be_is_refused_with_its_line() {
         ("frames = 0".into(), 1, &["0 is not", "from 1"]),
         ("frames = 3.5".into(), 1, &["3.5", "whole number from 1"]),
         ("frames = \"3\"".into(), 1, &["\"3\"", "whole number from 1"]),
-        ("fps = -1".into(), 1, &["above 0"]),
+        ("fps = -1".into(), 1, &[": fps: -1.0 is not a finite number above 0"]),
         ("fps = 1e-42\n[[cloth]]".into(), 1, &["finite"]),
         ("fps = 1e30\n[[cloth]]".into(), 1, &["too short", "at most"]),
         ("frames = 3\nframe = 3".into(), 2, &["unknown", "`frame`"]),
@@ -62,7 +62,7 @@ fn what_cannot_be_is_refused_with_its_line() {
         ("[[cloth]]\ngrid = { columns = 90000, rows = 90000, width = 1, height = 1 }".into(), 2, &["90000"]),
         (in_cloth("at = [1e16, 0, 0]"), 1, &["1e15 m"]),
         (in_cloth("fabric = \"steel\""), 3, &["steel", "denim"]),
-        (in_cloth("fabric = { density = 0 }"), 3, &["above 0"]),
+        (in_cloth("fabric = { density = 0 }"), 3, &["cloth.fabric.density: 0.0 is not", "above 0"]),
         (in_cloth("fabric = { colour = 0 }"), 3, &["colour", "density"]),
         (
             in_cloth("\n[[cloth]]\nfabric = \"silk\"\ngrid = { columns = 3, rows = 3, width = 1, height = 1 }"),
@@ -111,7 +111,7 @@ fn what_cannot_be_is_refused_with_its_line() {
         (in_cloth("[output]\nformat = []"), 4, &["no format", "leave it out"]),
         (in_cloth("[wind]\nvelocity = [1, 0, 0]\ngusts = { strength = 1e30 }"), 3, &["gusts.strength", "at most"]),
         (in_cloth("[picture]\nfrom = [0, 0, 0]"), 4, &["not all of them 0"]),
-        (in_cloth("[picture]\nbegin = -1"), 4, &["0 or above"]),
+        (in_cloth("[picture]\nbegin = -1"), 4, &[": picture.begin: -1.0 is not", "0 or above"]),
         (in_cloth("color = [1, 0, 1.5]"), 3, &["from 0 to 1"]),
     ];
     for (text, line, words) in table {
@@ -121,12 +121,22 @@ fn what_cannot_be_is_refused_with_its_line() {
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1, "nothing is written");
     }
     let directory = TempDir::new().unwrap();
-    fails(&run(&directory, &["--scene", "missing.toml"]), 2, &["missing.toml"]);
+    fails(&run(&directory, &["--scene", "missing.toml"]), 2, &["missing.toml: cannot be read", "check the path"]);
     #[cfg(unix)]
     fails(&run(&directory, &["--scene", "/dev/zero"]), 2, &["/dev/zero", "longer"]);
     let two = "[[cloth]]\nmesh = \"a.obj\"\n[[cloth]]\nmesh = \"a.obj\"\n";
     let (_, output) = scene(two, &["other.obj"]);
     fails(&output, 2, &["s.toml:3", "several cloths"]);
+}
+
+/// A number is said as it was written, not as a list of one, with the key that it is the value of.
+#[test]
+fn a_wrong_number_is_said_with_its_key() {
+    let ball = |text: &str| scene(&format!("{SHEET}[[collider]]\nshape = \"sphere\"\n{text}"), &[]).1;
+    fails(&ball("center = 3\nradius = 1"), 2, &["s.toml:7: collider.center: 3.0 is not three finite numbers"]);
+    let keys = "center = [0, 0, 0]\nradius = [{ time = 0, value = -1 }]";
+    fails(&ball(keys), 2, &["s.toml:8: collider.radius.value: -1.0 is not a finite number, 0 or above"]);
+    fails(&ball("center = [0, 0]\nradius = 1"), 2, &["s.toml:7: collider.center: [0.0, 0.0] is not three finite numbers"]);
 }
 
 #[test]

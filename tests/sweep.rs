@@ -264,9 +264,9 @@ fn a_difference_is_named_with_its_reason() {
     contains(&diff("a/variant_0003", "b/variant_0003", 1), &["frame 4: vertex 17", "no receipts"]);
     fs::remove_file(directory.path().join("b/variant_0004/frame_0006.obj")).unwrap();
     contains(&diff("a/variant_0004", "b/variant_0004", 1), &["frame 6", "only a/variant_0004"]);
-    for (a, b) in [("a", "b"), ("missing", "a/variant_0001")] {
+    for (a, b, word) in [("a", "b", "no frames"), ("missing", "a/variant_0001", "check the path")] {
         let output = std::process::Command::new(program::path()).current_dir(&directory).args(["diff", a, b]).output().unwrap();
-        fails(&output, 2, &[a]);
+        fails(&output, 2, &[a, word]);
     }
 }
 

@@ -30,7 +30,8 @@ pub(crate) fn diff(a: &Path, b: &Path) -> Result<(), Failure> {
 
 /// The number of the last frame in a folder.
 fn last_frame(folder: &Path) -> Result<u32, Failure> {
-    let entries = fs::read_dir(folder).map_err(|error| Failure::input(format_args!("{}: {error}", folder.display())))?;
+    let unread = |error| Failure::input(format_args!("{}: cannot be read: {error}; check the path", folder.display()));
+    let entries = fs::read_dir(folder).map_err(unread)?;
     let frames = entries.flatten().filter_map(|entry| frame_number(entry.file_name().to_str()?));
     let none = || Failure::input(format_args!("{}: no frames, frame_0001.obj and so on", folder.display()));
     frames.max().ok_or_else(none)

@@ -371,10 +371,11 @@ impl Source {
     /// Reads a scene file.
     pub(crate) fn read(path: &Path) -> Result<(Source, File), Failure> {
         let wrong = |why: &dyn Display| Failure::input(format_args!("{}: {why}", path.display()));
+        let unread = |error| wrong(&format_args!("cannot be read: {error}; check the path"));
         let mut text = String::new();
-        let opened = fs::File::open(path).map_err(|error| wrong(&error))?;
+        let opened = fs::File::open(path).map_err(unread)?;
         // A path that is not a regular file may be endless.
-        opened.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(|error| wrong(&error))?;
+        opened.take(MAX_BYTES + 1).read_to_string(&mut text).map_err(unread)?;
         if text.len() as u64 > MAX_BYTES {
             return Err(wrong(&format_args!("it is longer than {MAX_BYTES} bytes, which no scene is")));
         }
@@ -384,9 +385,8 @@ impl Source {
     /// Parses the text of a scene file or of a variant.
     pub(crate) fn parse(path: &Path, text: String, variant: Option<String>) -> Result<(Source, File), Failure> {
         let source = Source { path: path.to_owned(), text, variant };
-        let file = toml::from_str(&source.text);
-        let file =
-            file.map_err(|error: toml::de::Error| source.wrong(error.span().map_or(0, |span| span.start), error.message()))?;
+        let file = toml::from_str(&source.text)
+            .map_err(|error: toml::de::Error| source.wrong(error.span().map_or(0, |span| span.start), said(error)))?;
         Ok((source, file))
     }
 
@@ -417,6 +417,17 @@ impl Source {
     /// The error for a value or a table.
     pub(crate) fn wrong_in<T>(&self, place: &Spanned<T>, what: impl Display) -> Failure {
         self.wrong(place.span().start, what)
+    }
+}
+
+/// What an error says, after the key that it is about, if any.
+pub(crate) fn said(mut error: toml::de::Error) -> String {
+    // Without the text, the error ends with its keys, which it has no other way to tell.
+    error.set_input(None);
+    let text = error.to_string();
+    match text.trim_end().trim_end_matches('`').rsplit_once("\nin `") {
+        Some((what, key)) => format!("{key}: {what}"),
+        None => error.message().to_owned(),
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
 
 use super::timeline::Moment;
-use super::values::{Value, maybe, plain};
+use super::values::{Value, checked, maybe, plain};
 
 /// A value, or key frames of it.
 ///
@@ -165,8 +165,7 @@ impl<'de, T: Value> Visitor<'de> for AnimatedVisitor<T> {
 }
 
 fn value<T: Value, E: Error>(numbers: &[f64]) -> Result<Animated<T>, E> {
-    let error = || E::custom(format_args!("{numbers:?} is not {}", T::WANTED));
-    T::from_numbers(numbers).map(Animated::still).ok_or_else(error)
+    checked(numbers).map(Animated::still)
 }
 
 /// Key frames that may loop, and the value at the start of the preroll.

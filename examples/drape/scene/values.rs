@@ -139,7 +139,15 @@ impl<const LEAST: u32> Visitor<'_> for WholeVisitor<LEAST> {
 /// Parses a value that is not animated.
 pub(crate) fn plain<'de, T: Value, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
     let Numbers(numbers) = Numbers::deserialize(deserializer)?;
-    T::from_numbers(&numbers).ok_or_else(|| D::Error::custom(format_args!("{numbers:?} is not {}", T::WANTED)))
+    checked(&numbers)
+}
+
+/// The value that numbers stand for.
+pub(super) fn checked<T: Value, E: Error>(numbers: &[f64]) -> Result<T, E> {
+    T::from_numbers(numbers).ok_or_else(|| match numbers {
+        [number] => E::custom(format_args!("{number:?} is not {}", T::WANTED)),
+        _ => E::custom(format_args!("{numbers:?} is not {}", T::WANTED)),
+    })
 }
 
 /// [`plain`] for optional values.
