@@ -311,6 +311,27 @@ fn what_cannot_be_varied_is_refused() {
     }
 }
 
+/// Values that no scene can have are told before a sweep is started: each written one, and the ends of a count.
+#[test]
+fn a_list_names_the_first_wrong_value() {
+    let directory = TempDir::new().unwrap();
+    let list = |vary: &str| {
+        let text = format!("[[cloth]]\nname = \"rag\"\ngrid = {{ columns = 3, rows = 3, width = 1, height = 1 }}\n{vary}");
+        fs::write(directory.path().join("s.toml"), text).unwrap();
+        run(&directory, &["--scene", "s.toml", "--list"])
+    };
+    let good = "[[vary]]\nkey = \"fps\"\nvalues = [24, 60]\n";
+    let bad = "[[vary]]\nkey = \"cloth.rag.scale\"\nvalues = [\n  0.5,\n  -1,\n  -2,\n]\n";
+    fails(&list(&format!("{good}{bad}")), 2, &["s.toml:11: cloth.rag.scale = -1: -1.0 is not", "above 0"]);
+    let text = "[[vary]]\nkey = \"cloth.rag.fabric\"\nvalues = [\"silk\", { colour = 1 }]\n";
+    fails(&list(text), 2, &["s.toml:6: ", "unknown field `colour`"]);
+    fails(&list("[[vary]]\nkey = \"frames\"\nfirst = 0\ncount = 3\n"), 2, &["s.toml:4: frames = 0", "from 1"]);
+    fails(&list("[[vary]]\nkey = \"frames\"\nfirst = 4294967294\ncount = 3\n"), 2, &["s.toml:4: frames = 4294967296"]);
+    let output = list("[[vary]]\nkey = \"frames\"\nfirst = 1\ncount = 1000000\n");
+    succeeds(&output);
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "1000000\n");
+}
+
 /// A receipt must not tell of values that an option has replaced.
 #[test]
 fn what_is_varied_is_not_overridden() {

@@ -69,7 +69,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) scene: Option<PathBuf>,
 
-    /// Only print the number of variants that the scene's [[vary]] define
+    /// Only check the values of the scene's [[vary]] and print the number of variants that they define
     #[arg(long, requires = "scene", conflicts_with = "variant")]
     pub(crate) list: bool,
 

@@ -47,8 +47,8 @@ impl Sweep {
             if count > MOST {
                 return Err(source.wrong_in(given, format_args!("more than {MOST} variants; give fewer values")));
             }
-            let values = match (values.is_empty(), first, numbers) {
-                (false, None, None) => values.clone(),
+            let all: Vec<Value> = match (values.is_empty(), first, numbers) {
+                (false, None, None) => values.iter().map(|value| value.get_ref().clone()).collect(),
                 (true, first, Some(count)) => {
                     let first = first.unwrap_or(1);
                     (0..i64::from(count.0)).map(|k| Value::Integer(first.saturating_add(k))).collect()
@@ -58,19 +58,21 @@ impl Sweep {
             if keys.iter().any(|(earlier, _)| earlier == key) {
                 return Err(source.wrong_in(given, format_args!("{key} is varied twice; name it once")));
             }
-            let mut varied = table.clone();
-            set(&mut varied, key, &values[0]).map_err(|why| source.wrong_in(given, why))?;
-            if let Some(option) = overriding(arguments, &table, key, &values) {
+            if let Some(option) = overriding(arguments, &table, key, &all) {
                 let message = format_args!("{key} is varied, but {option} overrides its values; leave out one of the two");
                 return Err(source.wrong_in(given, message));
             }
-            // A key that no scene has is wrong in every variant; a value may be wrong in one.
-            let varied = toml::to_string(&varied).map_err(|error| source.wrong_in(given, error))?;
-            match Source::parse(&path, varied, Some(format!("{key} = {}", values[0]))) {
-                Err(failure) if failure.message().contains("unknown field") => return Err(failure),
-                _ => {}
+            // A key that no scene has is wrong in every variant; a value may be wrong in one, which keeps no other from running.
+            check(&table, key, &all[0], |why| why.contains("unknown field")).map_err(|why| source.wrong_in(given, why))?;
+            if arguments.list {
+                // The numbers that a key may have are without gaps, so the ends of a count stand for those between.
+                let ends = [&all[0], &all[all.len() - 1]].map(|end| (given.span().start, end));
+                let written = values.iter().map(|value| (value.span().start, value.get_ref()));
+                for (at, value) in written.chain(ends) {
+                    check(&table, key, value, |_| true).map_err(|why| source.wrong(at, why))?;
+                }
             }
-            keys.push((key.clone(), values));
+            keys.push((key.clone(), all));
         }
         Ok(Sweep { path, source, table, keys })
     }
@@ -213,6 +215,17 @@ impl Outputs {
         for path in [&mut self.pc2, &mut self.preview, &mut self.animation, &mut self.report].into_iter().flatten() {
             *path = path.file_name().map_or_else(|| path.clone(), |name| folder.join(name));
         }
+    }
+}
+
+/// Checks that the scene has a key, and can have this value there; what is wrong with the value counts only if `matters`.
+fn check(table: &Table, key: &str, value: &Value, matters: impl Fn(&str) -> bool) -> Result<(), String> {
+    let mut varied = table.clone();
+    set(&mut varied, key, value)?;
+    let varied = toml::to_string(&varied).map_err(|error| error.to_string())?;
+    match toml::from_str::<File>(&varied) {
+        Err(error) if matters(error.message()) => Err(format!("{key} = {value}: {}", error.message())),
+        _ => Ok(()),
     }
 }
 

@@ -67,7 +67,7 @@ pub(crate) struct Vary {
     pub(crate) key: String,
     /// Any values that are valid for the key.
     #[serde(default, deserialize_with = "list")]
-    pub(crate) values: Vec<toml::Value>,
+    pub(crate) values: Vec<Spanned<toml::Value>>,
     /// 1.
     pub(crate) first: Option<i64>,
     pub(crate) count: Option<Whole<1>>,
