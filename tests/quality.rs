@@ -403,6 +403,99 @@ fn a_common_motion_takes_no_substeps() {
     assert!(riding <= still + still / 20 && more <= warned, "{still}, {warned} and {riding}, {more}");
 }
 
+/// Pins that move alike at a constant velocity pull on nothing, however fast.
+#[test]
+fn pins_that_move_alike_outrun_nothing() {
+    let mesh = Mesh::grid(24, 24, 1.0, 1.0);
+    let velocity = Vec3::X * 60.0;
+    let options = Options { backend: Backend::Cpu, pinned: top(24), ..Options::default() };
+    let mut sheet = Deformer::new(&mesh, options).unwrap();
+    sheet.set_state(&mesh.positions, &vec![velocity; mesh.positions.len()]).unwrap();
+    let mut outruns = |frame: u32, by: Vec3| {
+        let at = velocity * (frame as f32 * FRAME) + by;
+        let pin_targets = Some(mesh.positions[..24].iter().map(|pin| *pin + at).collect());
+        let report = sheet.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
+        report.warnings.iter().any(|warning| matches!(warning, Warning::PinOutruns { .. }))
+    };
+    assert!((1..60).all(|frame| !outruns(frame, Vec3::ZERO)));
+    assert!(outruns(60, 5.0 * Vec3::Z), "a jerk on the way does");
+}
+
+/// Sheets that share a mesh stretch as one does, however far apart they are: what hangs on an edge is a part of the cloth.
+#[test]
+fn sheets_that_share_a_mesh_keep_the_bound_as_one_does() {
+    let n = 24;
+    let run = |places: &[f32]| {
+        let mut mesh = Mesh::default();
+        let mut pinned = Vec::new();
+        for place in places {
+            let (one, first) = (Mesh::grid(n, n, 1.0, 1.0), mesh.positions.len() as u32);
+            pinned.extend([first, first + n - 1]);
+            mesh.positions.extend(one.positions.iter().map(|x| *x + Vec3::X * *place));
+            mesh.triangles.extend(one.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        }
+        let options = Options { backend: Backend::Cpu, pinned: pinned.clone(), fabric: Fabric::COTTON, ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let (mut substeps, mut beyond) = (0, 0);
+        for frame in 0..180_u32 {
+            // The pins are pulled forth and back from one second on.
+            let by = Vec3::Z * 0.3 * (4.0 * (frame as f32 * FRAME - 1.0).max(0.0)).sin();
+            let pin_targets = Some(pinned.iter().map(|&pin| mesh.positions[pin as usize] + by).collect());
+            let report = cloth.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
+            substeps += report.substeps;
+            beyond += u32::from(cloth.measure().unwrap().stretch_share > 0.035);
+        }
+        println!("{} sheets: {substeps} substeps, {beyond} frames beyond", places.len());
+        (substeps, beyond)
+    };
+    let (alone, _) = run(&[0.0]);
+    for places in [&[0.0, 100.0][..], &[0.0, 2.0, 4.0, 6.0, 8.0, 10.0]] {
+        let (substeps, beyond) = run(places);
+        assert!(beyond <= 3, "{beyond} frames beyond the bound");
+        assert!(substeps < 2 * alone, "{substeps} substeps, {alone} of one alone");
+    }
+}
+
+/// A sheet held by two opposite sides, which wind of pressure q blows out, stretches by its own stiffness: its tension T
+/// (N/m) over the span L is given by `T³ = K q² L²/24`. No substeps help, and none are blamed.
+#[test]
+fn cloth_that_wind_stretches_by_itself_is_not_blamed() {
+    let (n, span, stretch) = (24_u32, 4.0_f32, 5000.0_f32);
+    let fabric = Fabric { density: 0.3, stretch, bending: 1e-4, damping: 0.1 };
+    let pinned: Vec<u32> = (0..n).chain(n * (n - 1)..n * n).collect();
+    let mesh = Mesh::grid(n, n, span, span);
+    let mut sail = Deformer::new(&mesh, Options { backend: Backend::Cpu, pinned, fabric, ..Options::default() }).unwrap();
+    let air = Attributes { gravity: Vec3::ZERO, wind: Vec3::Y * 10.0, air_density: 1.225, damping: 2.0, ..Attributes::default() };
+    let reports: Vec<StepReport> = (0..240).map(|_| sail.step(FRAME, &air).unwrap()).collect();
+    let missed = |report: &&StepReport| report.warnings.iter().any(|warning| matches!(warning, Warning::StrainMissed { .. }));
+    assert_eq!(reports[120..].iter().filter(missed).count(), 0);
+    let x = sail.positions().unwrap();
+    let middle: Vec<Vec3> = (0..n).map(|row| x[(row * n + n / 2) as usize]).collect();
+    let length: f32 = middle.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    let pressure = 0.5 * air.air_density * air.drag * 100.0;
+    let expected = (stretch * (pressure * span).powi(2) / 24.0).cbrt() / stretch;
+    println!("the middle is stretched by {:.4}, expected {expected:.4}", length / span - 1.0);
+    assert!((length / span - 1.0 - expected).abs() < 0.1 * expected, "{}", length / span - 1.0);
+}
+
+/// A tool that sets the same options in every frame changes nothing, also where substeps are chosen for each step.
+#[test]
+fn options_set_to_the_same_in_every_frame_change_nothing() {
+    let fabric = Fabric { bending: 0.03, stretch: 20000.0, damping: 0.0, ..Fabric::COTTON };
+    let mesh = Mesh::grid(25, 25, 0.3, 0.3);
+    let options = Options { backend: Backend::Cpu, fabric, pinned: top(25), ..Options::default() };
+    let [mut plain, mut set] = [(); 2].map(|()| Deformer::new(&mesh, options.clone()).unwrap());
+    for _ in 0..60 {
+        set.set_fabric(fabric).unwrap();
+        set.set_pinned(top(25)).unwrap();
+        set.set_mass(None).unwrap();
+        set.set_quality(options.quality).unwrap();
+        let reports = [&mut plain, &mut set].map(|card| card.step(FRAME, &Attributes::default()).unwrap().substeps);
+        assert_eq!(reports[0], reports[1]);
+    }
+    assert_eq!(plain.positions().unwrap(), set.positions().unwrap());
+}
+
 /// Pins that are dragged at once feel no gale, in which coarse levels would be switched off; those that stay as fast do.
 #[test]
 fn a_jerk_is_no_gale() {

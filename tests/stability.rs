@@ -3,7 +3,7 @@
 mod common;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Method, Options, Quality, StepError};
+use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Method, Options, Quality, StepError};
 
 use rayon::prelude::*;
 
@@ -309,6 +309,36 @@ fn far_from_the_origin(backend: Backend) {
     }
     // The positions there are rounded to a millimeter, so no strain could be computed from them.
     assert_eq!(here.2, there.2);
+}
+
+/// A curtain that hangs exactly in a plane, and is drawn shut within it, folds: its edges keep their length. Without contact too,
+/// and with the same bits in each run.
+#[test]
+fn a_flat_curtain_that_is_drawn_shut_folds() {
+    let n = 41;
+    let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, -x.z, 0.0));
+    let run = |contact: Option<Contact>| {
+        let pinned: Vec<u32> = (0..n).collect();
+        let options = Options { backend: Backend::Cpu, pinned, contact, ..Options::default() };
+        let mut curtain = Deformer::new(&mesh, options).unwrap();
+        for frame in 1..=90 {
+            let share = 1.0 - 0.5 * frame as f32 / 90.0;
+            let pin_targets = mesh.positions[..n as usize].iter().map(|x| Vec3::new(share * x.x, x.y, x.z)).collect();
+            curtain.step(FRAME, &Attributes { pin_targets: Some(pin_targets), ..Attributes::default() }).unwrap();
+        }
+        let depth = curtain.positions().unwrap().iter().fold(0.0, |depth: f32, x| depth.max(x.z.abs()));
+        (depth, curtain.measure().unwrap().stretch_share, curtain.positions().unwrap().to_vec())
+    };
+    for contact in [None, Some(Contact::default())] {
+        let (depth, stretch, x) = run(contact);
+        println!(
+            "{} contact: folds of {depth:.3} m, stretched by {stretch:.4}",
+            if contact.is_some() { "with" } else { "without" }
+        );
+        assert!(depth > 0.02 && stretch < 0.05, "{depth} m, {stretch}");
+        assert_eq!(x, run(contact).2);
+    }
 }
 
 // A long run.
