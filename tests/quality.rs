@@ -408,7 +408,8 @@ fn a_common_motion_takes_no_substeps() {
 fn pins_that_move_alike_outrun_nothing() {
     let mesh = Mesh::grid(24, 24, 1.0, 1.0);
     let velocity = Vec3::X * 60.0;
-    let options = Options { backend: Backend::Cpu, pinned: top(24), ..Options::default() };
+    let quality = Quality::Substeps(5);
+    let options = Options { backend: Backend::Cpu, quality, pinned: top(24), ..Options::default() };
     let mut sheet = Deformer::new(&mesh, options).unwrap();
     sheet.set_state(&mesh.positions, &vec![velocity; mesh.positions.len()]).unwrap();
     let mut outruns = |frame: u32, by: Vec3| {
@@ -417,7 +418,8 @@ fn pins_that_move_alike_outrun_nothing() {
         let report = sheet.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
         report.warnings.iter().any(|warning| matches!(warning, Warning::PinOutruns { .. }))
     };
-    assert!((1..60).all(|frame| !outruns(frame, Vec3::ZERO)));
+    let warned: Vec<u32> = (1..60).filter(|&frame| outruns(frame, Vec3::ZERO)).collect();
+    assert!(warned.is_empty(), "{warned:?}");
     assert!(outruns(60, 5.0 * Vec3::Z), "a jerk on the way does");
 }
 
