@@ -159,6 +159,9 @@ impl Deformer {
     /// Advances the cloth by `dt` (s). A step of 0 s only checks the attributes; the next step continues from where the
     /// motion was.
     ///
+    /// An exactly flat cloth that hangs or falls within its plane is moved out of that, before its first step, by up to a
+    /// millionth of its size: otherwise it could not fold, and pins that close on each other would crush it in its plane.
+    ///
     /// On the CPU the threads of the current rayon pool share the work, and a thread that waits for another may run any
     /// other task of that pool in the meantime, as always in rayon. Do not hold a lock across a step that another task
     /// of the same pool also takes: the step may run that task, which then waits for the lock, and thus for the step,

@@ -36,7 +36,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32, untangles: bool) -> Str
                 Cause::Slivers => "by edges a hundred times shorter than their triangles",
                 Cause::Crossings => "where it crosses itself or a body",
                 Cause::Squeezed => "where bodies leave it less room than its thickness",
-                _ => "by its own motion",
+                _ => "by its weight or motion, or between what holds it",
             };
             let remedy = match cause {
                 Cause::Slivers => "merge their ends, or ask for more --substeps",
@@ -44,7 +44,8 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32, untangles: bool) -> Str
                 Cause::Crossings => "give it more room, and use --untangle",
                 Cause::Squeezed => "give it more room, a smaller thickness (--self-contact METRES), or ask for more --substeps",
                 Cause::Wind => "let it blow less hard, or ask for more --substeps",
-                _ => "move it more slowly, or ask for more --substeps",
+                Cause::Pins | Cause::Collider => "move them more slowly, or ask for more --substeps",
+                _ => "ask for more --substeps, or bring what holds it closer together",
             };
             let [stretch, promised] = [stretch, promised].map(|share| 100.0 * share);
             format!("the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; {remedy}")
