@@ -19,6 +19,7 @@ use crate::model::checks::{check_mesh, check_options, check_thickness};
 use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::extents::{Extents, extents};
+use crate::model::flat_parts::{FlatPart, flat_parts};
 use crate::model::link::{Link, firm};
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
@@ -76,6 +77,7 @@ pub(crate) struct Cloth {
     panels: OnceLock<Panels>,
     springs: OnceLock<Csr<Spring>>,
     bending: OnceLock<Bending>,
+    flat_parts: OnceLock<Vec<FlatPart>>,
     gauges: OnceLock<Vec<StrainGauge>>,
 }
 
@@ -205,6 +207,7 @@ impl Cloth {
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: OnceLock::new(),
+            flat_parts: OnceLock::new(),
             gauges: OnceLock::new(),
             tethers: None,
         };
@@ -260,6 +263,7 @@ impl Cloth {
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: self.bending.clone(),
+            flat_parts: self.flat_parts.clone(),
             gauges: OnceLock::new(),
             tethers: None,
             ..*self
@@ -364,6 +368,11 @@ impl Cloth {
             bending.weight.iter_mut().zip(&self.bending_scale).for_each(|(weight, &scale)| *weight *= f64::from(scale));
             bending
         })
+    }
+
+    /// The parts that are exactly flat; sought before the first step.
+    pub(crate) fn flat_parts(&self) -> &[FlatPart] {
+        self.flat_parts.get_or_init(|| flat_parts(&self.rest, &self.triangles))
     }
 
     /// The strain gauges; built when strain is measured.
