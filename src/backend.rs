@@ -205,6 +205,17 @@ impl Engine {
         }
     }
 
+    /// Replaces the state that was set, before any step from it. What else the engine knows stays.
+    pub(crate) fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
+        match self {
+            Engine::Cpu(cpu) => cpu.put(x, p),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => hybrid.put(x, p),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.put(x, p, 0),
+        }
+    }
+
     /// What the engine knows besides positions and displacements.
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
         match self {

@@ -30,6 +30,7 @@ use web_time::Instant;
 
 use crate::attributes::Attributes;
 use crate::backend::Engine;
+use crate::deformer::imperfection::FlatStart;
 use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
 use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
@@ -101,6 +102,8 @@ pub struct Deformer {
     has_arrived: bool,
     /// `positions` in local coordinates, which are more precise far from the origin.
     local: Vec<Vec4>,
+    /// The placed state that the next step begins from, if a part of it is flat.
+    flat_start: Option<FlatStart>,
     /// Gravity of the last step (m/s²), for the potential energy.
     gravity: Vec3,
     /// Whether `positions`, `velocities` and `local` are those of the current state.
@@ -127,6 +130,7 @@ impl Deformer {
         let motion = Motion::after(&cloth, &cloth.rest, 0.0);
         let watch = Watch::new(&cloth, &options);
         let local = cloth.rest.clone();
+        let flat_start = FlatStart::new(&local, &vec![Vec4::ZERO; local.len()], &cloth.triangles);
         let velocities = vec![Vec3::ZERO; mesh.positions.len()];
         let positions = mesh.positions.clone();
         Ok(Deformer {
@@ -151,6 +155,7 @@ impl Deformer {
             requested: Vec::new(),
             has_arrived: false,
             local,
+            flat_start,
             gravity: Vec3::ZERO,
             is_current: true,
         })
@@ -159,8 +164,9 @@ impl Deformer {
     /// Advances the cloth by `dt` (s). A step of 0 s only checks the attributes; the next step continues from where the
     /// motion was.
     ///
-    /// An exactly flat cloth that hangs or falls within its plane is moved out of that, before its first step, by up to a
-    /// millionth of its size: otherwise it could not fold, and pins that close on each other would crush it in its plane.
+    /// Before the first step from a state that was placed, exactly flat parts of the cloth are moved out of their plane by
+    /// up to a millionth of their size, unless gravity acts across it: otherwise they could not fold, and pins that close
+    /// on each other would crush them in their plane.
     ///
     /// On the CPU the threads of the current rayon pool share the work, and a thread that waits for another may run any
     /// other task of that pool in the meantime, as always in rayon. Do not hold a lock across a step that another task
@@ -286,7 +292,7 @@ impl Deformer {
             return check_time_step(dt).map(|()| None);
         }
         let decision = self.decide(dt, attributes)?;
-        self.make_imperfect(attributes.gravity)?;
+        self.make_imperfect(attributes.gravity);
         let (length, levels) = (decision.division.length, decision.levels);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
@@ -326,12 +332,14 @@ impl Deformer {
         let seen = stepped.map_err(|failure| {
             let error = self.failed(failure);
             self.bounds = before;
+            self.make_flat();
             // Contact may have read the state and found that an earlier step failed.
             if self.backend() == Backend::Gpu && matches!(error, StepError::Unstable { .. }) {
                 self.start_from_there();
             }
             error
         })?;
+        self.flat_start = None;
         let StepDecision { dt, rate, division: Division { substeps, .. }, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
@@ -359,7 +367,9 @@ impl Deformer {
         self.gravity = Vec3::ZERO;
         self.forget();
         self.still = Stillness::default();
-        self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);
+        let p = vec![Vec4::ZERO; self.cloth.rest.len()];
+        self.engine.set(&self.cloth.rest, &p);
+        self.flat_start = FlatStart::new(&self.cloth.rest, &p, &self.cloth.triangles);
         self.is_current = false;
     }
 

@@ -31,6 +31,11 @@ fn skirt() -> (Mesh, Vec<u32>) {
     (mesh, top(SIDE))
 }
 
+/// A ball held at two vertices.
+fn ball() -> (Mesh, Vec<u32>) {
+    (common::shapes::ball(Vec3::Y * 1.5, 0.5, 40), vec![0, 1000])
+}
+
 /// Each stage of a CPU step occurs in one of these scenes.
 fn scenes() -> Vec<(&'static str, Mesh, Options)> {
     let fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1e-4, damping: 0.03 };
@@ -47,6 +52,7 @@ fn scenes() -> Vec<(&'static str, Mesh, Options)> {
             scene("a skirt with levels", skirt(), Method::SmallSteps, Levels::Count(9), fabric, SUBSTEPS),
             scene("a skirt without levels", skirt(), Method::SmallSteps, Levels::Off, fabric, SUBSTEPS),
             scene("a relaxed skirt", skirt(), Method::Relaxation { iterations: 3 }, Levels::Off, fabric, SUBSTEPS),
+            scene("a ball, which is swept there and back", ball(), Method::SmallSteps, Levels::Count(9), fabric, SUBSTEPS),
             scene("a grid of springs", grid(), Method::Springs, Levels::Off, soft, 10 * SUBSTEPS),
         ]);
     }

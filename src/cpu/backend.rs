@@ -98,10 +98,14 @@ impl Cpu {
 
     /// Sets positions and displacements; what was learned about the motion is discarded.
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
-        self.x.copy_from_slice(x);
-        self.p.copy_from_slice(p);
+        self.put(x, p);
         self.steps = 0;
         self.contact.iter_mut().for_each(|contact| contact.forget());
+    }
+
+    pub(crate) fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
+        self.x.copy_from_slice(x);
+        self.p.copy_from_slice(p);
     }
 
     pub(crate) fn past(&self) -> Past {

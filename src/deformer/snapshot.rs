@@ -6,6 +6,7 @@ use glam::{Vec3, Vec4};
 
 use super::sleep::Stillness;
 use super::{Deformer, StepDecision};
+use crate::deformer::imperfection::FlatStart;
 use crate::error::{StateError, StepError};
 use crate::kernels::limits::is_bounded;
 use crate::kernels::statistics::Statistics;
@@ -205,6 +206,8 @@ impl Deformer {
         (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
         (self.pace, self.still, self.bounds) = (pace, still, bounds);
         self.gravity = gravity;
+        let is_placed = self.motion.dt == 0.0 && self.motion.h == 0.0;
+        self.flat_start = if is_placed { FlatStart::new(&x, &p, &self.cloth.triangles) } else { None };
         (self.is_current, self.has_arrived) = (false, false);
         Ok(())
     }

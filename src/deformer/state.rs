@@ -9,6 +9,7 @@ use crate::backend::Engine;
 #[cfg(feature = "gpu")]
 use crate::binding::{BindError, Binding};
 use crate::contact::crossings::Features;
+use crate::deformer::imperfection::FlatStart;
 use crate::deformer::measure::Measure;
 use crate::error::StepError;
 use crate::error::failure::Failure;
@@ -116,6 +117,7 @@ impl Deformer {
         self.motion.pin_velocities = led.collect();
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
+        self.flat_start = FlatStart::new(x, &p, &self.cloth.triangles);
         self.forget();
         self.is_current = false;
     }

@@ -60,6 +60,7 @@ impl Deformer {
             let (dt, pin_velocities) = (self.motion.dt, std::mem::take(&mut self.motion.pin_velocities));
             self.place(&x, &self.velocities.clone());
             // What moves goes on from where it is now.
+            self.flat_start = self.flat_start.take().filter(|_| dt == 0.0);
             (self.motion.dt, self.motion.pin_velocities) = (dt, pin_velocities);
             self.motion.colliders.clone_from(&attributes.colliders);
         }

@@ -3,6 +3,7 @@
 use glam::{Affine3A, Vec4};
 
 use super::Deformer;
+use crate::deformer::imperfection::FlatStart;
 use crate::error::WarpError;
 use crate::kernels::limits::is_bounded;
 use crate::kernels::rigid::Rigid;
@@ -38,6 +39,7 @@ impl Deformer {
         past.contact.iter_mut().for_each(|contact| contact.warp(&rigid));
         let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &past);
         resumed.map_err(|failure| self.failed(failure))?;
+        self.flat_start = self.flat_start.take().and_then(|_| FlatStart::new(&x, &p, &self.cloth.triangles));
         self.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
         self.motion.colliders.clear();

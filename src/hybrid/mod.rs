@@ -99,6 +99,11 @@ impl Hybrid {
         self.cpu.set(x, p);
     }
 
+    pub(crate) fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
+        self.sent = None;
+        self.cpu.put(x, p);
+    }
+
     /// Resumes from a state and a recorded past. Returns false if this cloth cannot have such a past; positions and
     /// displacements are then unchanged.
     pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, state: [&[Vec4]; 2], past: &Past) -> bool {

@@ -19,7 +19,6 @@ use crate::model::checks::{check_mesh, check_options, check_thickness};
 use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::extents::{Extents, extents};
-use crate::model::flat_parts::{FlatPart, flat_parts};
 use crate::model::link::{Link, firm};
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
@@ -77,7 +76,6 @@ pub(crate) struct Cloth {
     panels: OnceLock<Panels>,
     springs: OnceLock<Csr<Spring>>,
     bending: OnceLock<Bending>,
-    flat_parts: OnceLock<Vec<FlatPart>>,
     gauges: OnceLock<Vec<StrainGauge>>,
 }
 
@@ -178,7 +176,7 @@ impl Cloth {
             let stiffness = if shape == 0.0 { 0.0 } else { stretch * shape };
             links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
-        let Extents { sides: extents, extent } = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
+        let Extents { extents, extent } = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
         let colors = sort_by_color(&mut links, &rest, &inverse_mass, &in_shell);
         let bending_scale =
             options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
@@ -207,7 +205,6 @@ impl Cloth {
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: OnceLock::new(),
-            flat_parts: OnceLock::new(),
             gauges: OnceLock::new(),
             tethers: None,
         };
@@ -241,8 +238,8 @@ impl Cloth {
             Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass, &self.in_shell),
             _ => self.colors.clone(),
         };
-        let Extents { sides: extents, extent } = match change {
-            Change::Stiffness => Extents { sides: self.extents, extent: self.extent },
+        let Extents { extents, extent } = match change {
+            Change::Stiffness => Extents { extents: self.extents, extent: self.extent },
             _ => extents(&positions[..self.used], &links, |vertex| inverse_mass[vertex as usize] == 0.0),
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
@@ -263,7 +260,6 @@ impl Cloth {
             panels: OnceLock::new(),
             springs: OnceLock::new(),
             bending: self.bending.clone(),
-            flat_parts: self.flat_parts.clone(),
             gauges: OnceLock::new(),
             tethers: None,
             ..*self
@@ -287,6 +283,7 @@ impl Cloth {
     }
 
     /// The ranges of edges that a sweep visits one after another: each color, and then those of shells in reverse order.
+    #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn visits(&self) -> Vec<Range<usize>> {
         let of_shells = |&Range { start, end }: &Range<usize>| {
             start..start + self.links[start..end].partition_point(|link| self.is_in_shell(link))
@@ -320,6 +317,11 @@ impl Cloth {
         let [a, b] = link.ends.map(|vertex| self.rest[vertex as usize].truncate().as_dvec3());
         let along = (b - a).normalize_or_zero().abs().dot(self.extents);
         if self.extent > 0.0 { (along / self.extent).min(1.0) } else { 1.0 }
+    }
+
+    /// The stiffness of an edge as a multiple of that of firm edges.
+    pub(crate) fn softness(&self, link: &Link) -> f64 {
+        f64::from(link.scale) / self.firm
     }
 
     /// Sum of the inverse masses (1/kg) of an edge's ends.
@@ -368,11 +370,6 @@ impl Cloth {
             bending.weight.iter_mut().zip(&self.bending_scale).for_each(|(weight, &scale)| *weight *= f64::from(scale));
             bending
         })
-    }
-
-    /// The parts that are exactly flat; sought before the first step.
-    pub(crate) fn flat_parts(&self) -> &[FlatPart] {
-        self.flat_parts.get_or_init(|| flat_parts(&self.rest, &self.triangles))
     }
 
     /// The strain gauges; built when strain is measured.

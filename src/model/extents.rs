@@ -14,7 +14,7 @@ use crate::model::mesh::bounds;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Extents {
     /// The longest sides (m) of the bounding boxes of the connected parts along each axis, none above `extent`.
-    pub sides: DVec3,
+    pub extents: DVec3,
     /// How far (m) any part reaches: from its nearest pins along edges, or across its bounding box if that is less.
     pub extent: f64,
 }
@@ -33,11 +33,12 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
         let sides = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let farthest = vertices.iter().filter_map(|&vertex| distance.get(vertex as usize)).fold(0.0, |a: f64, &b| a.max(b));
         let across = sides.max_element();
-        let extent = if farthest > 0.0 { across.min(farthest) } else { across };
-        Extents { sides: sides.min(DVec3::splat(extent)), extent }
+        // A part without pins has no distances but infinite ones.
+        let extent = if distance.is_empty() { across } else { across.min(farthest) };
+        Extents { extents: sides.min(DVec3::splat(extent)), extent }
     });
-    let none = Extents { sides: DVec3::ZERO, extent: 0.0 };
-    extents.fold(none, |a, b| Extents { sides: a.sides.max(b.sides), extent: a.extent.max(b.extent) })
+    let none = Extents { extents: DVec3::ZERO, extent: 0.0 };
+    extents.fold(none, |a, b| Extents { extents: a.extents.max(b.extents), extent: a.extent.max(b.extent) })
 }
 
 /// The length (m) of the shortest way along edges from each vertex to a pin (Dijkstra 1959); infinite if there is none.

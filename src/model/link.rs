@@ -10,7 +10,8 @@ pub(crate) struct Link {
     pub stiffness: f64,
     /// The same for K = 1 N/m, where K is that of firm edges ([`Cloth::stretch`](crate::model::cloth::Cloth::stretch)).
     pub shape: f64,
-    /// Factor on the fabric's stiffness ([`Options::edge_scale`](crate::Options::edge_scale)).
+    /// Factor on the fabric's stiffness ([`Options::edge_scale`](crate::Options::edge_scale)). Of an edge between aggregates,
+    /// the stiffness of the fabric along it as a share of what it would be if all edges were firm.
     pub scale: f32,
 }
 
@@ -22,10 +23,10 @@ impl Link {
     }
 }
 
-/// The factor of a cloth's firm edges: 1, or the largest if no edge has half of that.
-pub(crate) fn firm(scales: impl Iterator<Item = f32>) -> f32 {
-    let stiffest = scales.fold(0.0, f32::max);
-    if stiffest < 0.5 { stiffest } else { 1.0 }
+/// The factor of a cloth's firm edges: that of all if they agree, else 1, or the largest if no edge has half of that.
+pub(crate) fn firm(scales: impl Iterator<Item = f32> + Clone) -> f32 {
+    let [softest, stiffest] = [scales.clone().fold(f32::INFINITY, f32::min), scales.fold(0.0, f32::max)];
+    if stiffest < 0.5 || softest == stiffest { stiffest } else { 1.0 }
 }
 
 /// The least factor of a firm edge.

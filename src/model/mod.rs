@@ -8,7 +8,7 @@ pub(crate) mod coloring;
 pub(crate) mod csr;
 pub(crate) mod disjoint_sets;
 mod extents;
-mod flat_parts;
+pub(crate) mod flat_parts;
 pub(crate) mod link;
 mod masses;
 pub(crate) mod mesh;

@@ -6,7 +6,7 @@
 //! ([`step::coefficients`](crate::step::coefficients)). So the sweep visits the edges of shells a second time, in reverse
 //! order.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec3, Vec3};
 
@@ -46,9 +46,10 @@ pub(crate) fn in_shells(positions: &[Vec3], triangles: &[[u32; 3]], edges: &[[u3
     if in_shells.contains(&true) { in_shells } else { Vec::new() }
 }
 
-/// The angle between two sides of a triangle; 0 if one has no length.
+/// The angle between two sides of a triangle. It is a right one if either has no length, so that the angles of a triangle
+/// of which two corners coincide add up, too.
 fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    a.cross(b).length().atan2(a.dot(b))
+    if a == DVec3::ZERO || b == DVec3::ZERO { FRAC_PI_2 } else { a.cross(b).length().atan2(a.dot(b)) }
 }
 
 #[cfg(test)]

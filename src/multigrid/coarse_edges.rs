@@ -16,9 +16,6 @@ use crate::multigrid::aggregation::{Aggregate, holding};
 /// omitted.
 const SLACK: f64 = 1e-3;
 
-/// The stiffness along any direction of an isotropic net of springs as a share of that of all directions together.
-const ISOTROPIC: f64 = 1.0 / 3.0;
-
 /// The items that aggregates consist of, as point masses: vertices, or aggregates two levels finer. They determine the
 /// rest lengths of edges to pinned aggregates.
 pub(crate) struct PointMasses {
@@ -63,6 +60,8 @@ pub(crate) struct Stiffness {
     /// Sum of `K l0² q q^T` for K = 1 N/m (m²), where `q = (a², b², sqrt(2) a b)` for an edge with direction `(a, b)`
     /// in that plane.
     tensors: Vec<DMat3>,
+    /// The same if all edges were firm; empty if they are.
+    firm_tensors: Vec<DMat3>,
 }
 
 /// A fine edge as it contributes to the stiffness of the aggregates at its ends; the same for all levels.
@@ -71,6 +70,8 @@ pub(crate) struct Fiber {
     direction: DVec3,
     /// Half of `K l0²` for K = 1 N/m (m²).
     weight: f64,
+    /// The same if all edges were firm.
+    firm_weight: f64,
 }
 
 impl Fiber {
@@ -79,7 +80,8 @@ impl Fiber {
         let fiber = |link: &Link| {
             let [a, b] = link.ends.map(|vertex| cloth.rest[vertex as usize].truncate().as_dvec3());
             let weight = 0.5 * link.shape * f64::from(link.rest).powi(2);
-            Fiber { ends: link.ends, direction: (b - a).normalize_or_zero(), weight }
+            let firm_weight = weight / cloth.softness(link);
+            Fiber { ends: link.ends, direction: (b - a).normalize_or_zero(), weight, firm_weight }
         };
         holding(cloth).map(fiber).collect()
     }
@@ -106,28 +108,46 @@ impl Stiffness {
             [e, side]
         };
         let frames: Vec<[DVec3; 2]> = aggregates.iter().zip(&along).map(frame).collect();
-        let mut tensors = vec![DMat3::ZERO; aggregates.len()];
-        for fiber in fibers {
-            for aggregate in of(fiber) {
-                let q = voigt(fiber.direction, frames[aggregate]);
-                tensors[aggregate] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * fiber.weight;
+        let sum = |weight: fn(&Fiber) -> f64| {
+            let mut tensors = vec![DMat3::ZERO; aggregates.len()];
+            for fiber in fibers {
+                for aggregate in of(fiber) {
+                    let q = voigt(fiber.direction, frames[aggregate]);
+                    tensors[aggregate] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * weight(fiber);
+                }
             }
-        }
-        Stiffness { frames, tensors }
+            tensors
+        };
+        let tensors = sum(|fiber| fiber.weight);
+        let are_firm = fibers.iter().all(|fiber| fiber.weight == fiber.firm_weight);
+        let firm_tensors = if are_firm { Vec::new() } else { sum(|fiber| fiber.firm_weight) };
+        Stiffness { frames, tensors, firm_tensors }
     }
 
     /// Stiffness times area (m²) along `n` for K = 1 N/m, with the cloth free to contract across it; and its share of
     /// the stiffness of all directions together.
     fn along(&self, aggregate: u32, n: DVec3) -> (f64, f64) {
-        let tensor = self.tensors[aggregate as usize];
-        let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
-        if trace == 0.0 {
-            return (0.0, 0.0);
-        }
-        let q = voigt(n, self.frames[aggregate as usize]).normalize_or_zero();
-        let compliance = q.dot((tensor + DMat3::IDENTITY * (1e-6 * trace)).inverse() * q);
-        (1.0 / compliance, 1.0 / (compliance * trace))
+        along(self.tensors[aggregate as usize], voigt(n, self.frames[aggregate as usize]))
     }
+
+    /// That stiffness as a share of what it would be if all edges were firm, at most 1.
+    fn firmness(&self, aggregate: u32, n: DVec3) -> f64 {
+        let Some(&firm) = self.firm_tensors.get(aggregate as usize) else { return 1.0 };
+        let q = voigt(n, self.frames[aggregate as usize]);
+        let [soft, firm] = [self.tensors[aggregate as usize], firm].map(|tensor| along(tensor, q).0);
+        if firm > 0.0 { (soft / firm).min(1.0) } else { 1.0 }
+    }
+}
+
+/// See [`Stiffness::along`].
+fn along(tensor: DMat3, q: DVec3) -> (f64, f64) {
+    let trace = tensor.x_axis.x + tensor.y_axis.y + tensor.z_axis.z;
+    if trace == 0.0 {
+        return (0.0, 0.0);
+    }
+    let q = q.normalize_or_zero();
+    let compliance = q.dot((tensor + DMat3::IDENTITY * (1e-6 * trace)).inverse() * q);
+    (1.0 / compliance, 1.0 / (compliance * trace))
 }
 
 /// `(a², b², sqrt(2) a b)` of a direction in a plane: its scalar product with the strain tensor (in Mandel notation) is
@@ -187,12 +207,13 @@ impl Edges<'_> {
             return None;
         }
         let shape = area / (rest * rest);
+        let firmness = pair.map(|aggregate| self.stiffness.firmness(aggregate, n));
         Some(Link {
             ends: pair,
             rest: rest as f32,
             stiffness: self.cloth.stretch * shape,
             shape,
-            scale: (part / ISOTROPIC).min(1.0) as f32,
+            scale: firmness[0].min(firmness[1]).max(SLACK) as f32,
         })
     }
 }

@@ -13,7 +13,7 @@
 //!    energy.
 //! 2. Sweep once over the coarse edges, correcting only stretched ones (cloth gives way to compression) along their
 //!    direction at the substep's start. Their shifted compliance corresponds to the share of the stiffness that the
-//!    fine edges do not carry, `1 - (S/S*)²`.
+//!    fine edges do not carry, `1 - (S/S*)²`, or less along a direction in which the fabric is soft.
 //! 3. Prolongate: add to each vertex the correction of its aggregate.
 //!
 //! Weights are constant in an aggregate, and aggregates are nested. So one pass over the vertices restricts to the

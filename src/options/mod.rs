@@ -88,7 +88,7 @@ pub enum Backend {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Method {
-    /// XPBD with small steps (Macklin et al. 2019): one sweep over the edges per substep, second-order accurate in the
+    /// XPBD with small steps (Macklin et al. 2019): one sweep over the edges per substep (there and back in closed shells), second-order accurate in the
     /// substep. See "How it works" on the [front page](crate).
     #[default]
     SmallSteps,

@@ -121,7 +121,7 @@ pub enum Warning {
     PinOutruns {
         /// Its position in the list [`Options::pinned`](crate::Options::pinned).
         pin: usize,
-        /// Its speed (m/s).
+        /// Its speed (m/s), relative to the mean of the pins in the last step if the cloth goes along with that.
         speed: f32,
         /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
         carried: f32,

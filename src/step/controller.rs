@@ -44,7 +44,7 @@ impl Caution {
 
     /// For closed shells. Where the cloth cannot fold, each rise of the substeps stiffens edges under load and so adds
     /// energy. So their number starts higher, aims closer to the bound, and falls late, to rise less often: dropped on a
-    /// floor, eight balls and parts of balls then give damping air at most 1.5 times the energy that gravity gives them,
+    /// floor, eleven balls and parts of balls then give damping air at most 1.5 times the energy that gravity gives them,
     /// and with [`Caution::PROMPT`] up to six times, for as many substeps (`benches/results/quality.md`).
     pub(crate) const SHELL: Caution = Caution { first_factor: 2.0, aim: 0.7, memory: 2.0, patience: 0.5, per_octave: 6.0 };
 
@@ -88,7 +88,8 @@ pub(crate) struct Controller {
     count: f64,
     /// For how long (s) fewer substeps would have sufficed.
     low: f64,
-    /// The longest substep (s) that was allowed in any step since the cloth was placed or its options changed; 0 before the first.
+    /// The longest substep (s) that was allowed in any step since the cloth was placed, or its quality or bending
+    /// changed; 0 before the first.
     longest: f64,
 }
 

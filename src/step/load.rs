@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Mat3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 
 use crate::attributes::{Attributes, Collider, Shape};
 use crate::kernels::statistics::{Statistics, unordered};
@@ -37,7 +37,7 @@ recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pr
 /// What moves fastest in a step: an index in its list, and its speed (m/s).
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Fastest {
-    /// Of the pins, relative to their mean velocity in the last step, at which the cloth goes along.
+    /// Of the pins, relative to their mean velocity in the last step if the cloth goes along with that.
     pub pin: (usize, f64),
     /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins where
     /// that is slower.
@@ -54,7 +54,10 @@ impl Fastest {
     /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics.
     pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, seen: Option<&Statistics>) -> Fastest {
         let drift = motion.drift(cloth, attributes.pin_targets.as_deref());
+        // The statistics count speeds relative to the pins.
         let common = motion.last_drift(cloth).as_dvec3();
+        let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
+        let common = if goes_along { common } else { DVec3::ZERO };
         let mut fastest = Fastest { drift, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {

@@ -35,7 +35,7 @@ pub(crate) struct Length {
     pub h: f32,
     /// The longest substep (s) that the quality allows, independent of the step; `h` if it is nearly as long.
     pub longest: f32,
-    /// The longest substep (s) since the cloth was placed or its options changed, for which bending is stable: see
+    /// The longest substep (s) since the cloth was placed, or its quality or bending changed, for which bending is stable: see
     /// [`BendRows::new`](crate::step::bending::BendRows::new).
     pub softest: f32,
     /// `(S/S*)²`, the share of the stiffness that one sweep carries in the longest substep; 1 if the stiffness is

@@ -123,7 +123,9 @@ impl GpuEngine {
         // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
         // as a sweep.
         let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
-        let sweeps = plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
+        // There and back in shells.
+        let ways = 1 + u32::from(plan.cloth.has_shells());
+        let sweeps = ways * plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
         let lasts = plan.params.substeps.saturating_mul(sweeps);
         let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
         match (&self.sweep, &self.single_workgroup) {

@@ -33,7 +33,7 @@ impl GpuEngine {
     }
 
     /// Writes the state that `steps` steps led to.
-    pub(super) fn put(&self, x: &[Vec4], p: &[Vec4], steps: u32) {
+    pub(crate) fn put(&self, x: &[Vec4], p: &[Vec4], steps: u32) {
         let state = &self.forces.states[0];
         self.gpu.write(&state.x, 0, x);
         self.gpu.write(&state.p, 0, p);
