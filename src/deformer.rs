@@ -130,7 +130,7 @@ impl Deformer {
         let motion = Motion::after(&cloth, &cloth.rest, 0.0);
         let watch = Watch::new(&cloth, &options);
         let local = cloth.rest.clone();
-        let flat_start = FlatStart::new(&local, &vec![Vec4::ZERO; local.len()], &cloth.triangles);
+        let flat_start = FlatStart::at_rest(&cloth);
         let velocities = vec![Vec3::ZERO; mesh.positions.len()];
         let positions = mesh.positions.clone();
         Ok(Deformer {
@@ -165,7 +165,7 @@ impl Deformer {
     /// motion was.
     ///
     /// Before the first step from a state that was placed, exactly flat parts of the cloth are moved out of their plane by
-    /// up to a millionth of their size, unless gravity acts across it: otherwise they could not fold, and pins that close
+    /// up to a millionth of their size if gravity acts along it: otherwise they could not fold, and pins that close
     /// on each other would crush them in their plane.
     ///
     /// On the CPU the threads of the current rayon pool share the work, and a thread that waits for another may run any
@@ -367,9 +367,8 @@ impl Deformer {
         self.gravity = Vec3::ZERO;
         self.forget();
         self.still = Stillness::default();
-        let p = vec![Vec4::ZERO; self.cloth.rest.len()];
-        self.engine.set(&self.cloth.rest, &p);
-        self.flat_start = FlatStart::new(&self.cloth.rest, &p, &self.cloth.triangles);
+        self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);
+        self.flat_start = FlatStart::at_rest(&self.cloth);
         self.is_current = false;
     }
 

@@ -344,11 +344,11 @@ fn a_forecast_comes_true() {
     }
 }
 
-/// Pins moved at 10 m/s within the plane of a sheet fold it over in that plane, where nothing can push it out again,
-/// even in exact arithmetic. A deviation of a tenth of a micrometer frees it, so the tangle is a property of the scene,
-/// not of the solver.
+/// Pins moved at 10 m/s within the plane of a sheet fold it over in that plane, where nothing could push it out again,
+/// even in exact arithmetic: more than twenty edges stayed off by more than a tenth. A deviation of a tenth of a micrometer
+/// frees it, and so does the imperfection that exactly flat cloth gets.
 #[test]
-fn a_tangle_that_stays_is_one_of_an_exactly_plane_scene() {
+fn a_sheet_that_is_tangled_in_its_plane_comes_free() {
     let n = 32;
     let tangled = |noise: f32| {
         let mut random = fastrand::Rng::with_seed(5);
@@ -373,7 +373,7 @@ fn a_tangle_that_stays_is_one_of_an_exactly_plane_scene() {
     };
     let (plane, freed) = (tangled(0.0), tangled(1e-7));
     println!("{plane} edges off by more than a tenth in the plane, {freed} out of it");
-    assert!(plane > 20 && freed == 0, "{plane} edges off by more than a tenth in the plane, {freed} out of it");
+    assert!(plane == 0 && freed == 0, "{plane} edges off by more than a tenth in the plane, {freed} out of it");
 }
 
 /// Bending takes its share of the stability limit, at most the half that its own limiter leaves it.

@@ -104,7 +104,7 @@ fn bytes_a_vertex() {
     // About two hubs the fan is a closed shell, whose edges are stored once more for the way back.
     for (name, bending, levels, most) in [
         ("edges alone", 0.0, Levels::Off, [1100.0, 1650.0]),
-        ("levels", 0.0, Levels::Count(9), [1100.0, 1650.0]),
+        ("levels", 0.0, Levels::Count(9), [1120.0, 1650.0]),
         ("bending", 1e-4, Levels::Off, [1300.0, 1850.0]),
         ("levels and bending", 1e-4, Levels::Count(9), [1400.0, 1900.0]),
     ] {

@@ -1,8 +1,9 @@
 //! The imperfection without which flat cloth could not buckle.
 
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 
 use crate::deformer::Deformer;
+use crate::model::cloth::Cloth;
 use crate::model::flat_parts::{FlatPart, flat_parts};
 
 /// How far vertices are moved out of the plane: as a share of the part's size, and at least this multiple of the rounding
@@ -15,16 +16,28 @@ const ACROSS: f64 = 1e-6;
 /// A state that the caller has placed, of which a part is flat, until a step begins from it.
 #[derive(Debug)]
 pub(super) struct FlatStart {
-    x: Vec<Vec4>,
-    p: Vec<Vec4>,
+    /// Positions, and the displacements with which they were placed; none for the mesh at rest.
+    placed: Option<[Vec<Vec4>; 2]>,
     parts: Vec<FlatPart>,
 }
 
 impl FlatStart {
-    /// None if no part of the cloth at `x` is flat. `p` are the displacements with which it was placed.
-    pub(super) fn new(x: &[Vec4], p: &[Vec4], triangles: &[[u32; 3]]) -> Option<FlatStart> {
-        let parts = flat_parts(x, triangles);
-        (!parts.is_empty()).then(|| FlatStart { x: x.to_vec(), p: p.to_vec(), parts })
+    /// Of the mesh at rest; none if no part of it is flat.
+    pub(super) fn at_rest(cloth: &Cloth) -> Option<FlatStart> {
+        let parts = flat_parts(&cloth.rest, &cloth.triangles);
+        (!parts.is_empty()).then_some(FlatStart { placed: None, parts })
+    }
+
+    /// Of positions and displacements; none if no part is flat.
+    pub(super) fn placed(x: &[Vec4], p: &[Vec4], cloth: &Cloth) -> Option<FlatStart> {
+        let parts = flat_parts(x, &cloth.triangles);
+        (!parts.is_empty()).then(|| FlatStart { placed: Some([x, p].map(<[Vec4]>::to_vec)), parts })
+    }
+
+    /// The positions, with the inverse masses that the vertices have now, and the displacements.
+    fn state(&self, cloth: &Cloth) -> [Vec<Vec4>; 2] {
+        let Some([x, p]) = &self.placed else { return [cloth.rest.clone(), vec![Vec4::ZERO; cloth.rest.len()]] };
+        [x.iter().zip(&cloth.rest).map(|(x, rest)| x.with_w(rest.w)).collect(), p.clone()]
     }
 }
 
@@ -32,16 +45,16 @@ impl Deformer {
     /// Before the first step from a placed state, moves the free vertices of exactly flat parts out of their plane, each
     /// by up to a millionth of the part's size. Compression within the plane has no reason to bend such a part to one side
     /// rather than the other, so it would be crushed there, however far; real cloth is never that flat. Where gravity acts
-    /// across the plane it bends the cloth by itself, so nothing is moved.
+    /// across the plane it bends the cloth by itself, and without gravity hardly anything compresses it: nothing is moved.
     pub(super) fn make_imperfect(&mut self, gravity: Vec3) {
         let gravity = gravity.as_dvec3();
-        let is_along = |part: &&FlatPart| gravity.dot(part.normal).abs() <= ACROSS * gravity.length();
-        let Some(FlatStart { x, p, parts }) = &self.flat_start else { return };
-        let mut parts = parts.iter().filter(is_along).peekable();
+        let is_along = |part: &&FlatPart| gravity != DVec3::ZERO && gravity.dot(part.normal).abs() <= ACROSS * gravity.length();
+        let Some(start) = &self.flat_start else { return };
+        let mut parts = start.parts.iter().filter(is_along).peekable();
         if parts.peek().is_none() {
             return;
         }
-        let mut x = self.with_weights(x);
+        let [mut x, p] = start.state(&self.cloth);
         for FlatPart { normal, vertices, extent, farthest } in parts {
             let most = (IMPERFECTION * extent).max(ROUNDINGS * f64::from(f32::EPSILON) * farthest);
             for &vertex in vertices {
@@ -51,21 +64,17 @@ impl Deformer {
                 }
             }
         }
-        self.engine.put(&x, p);
+        self.engine.put(&x, &p);
         self.is_current = false;
     }
 
     /// Undoes [`Deformer::make_imperfect`] after a step that failed.
     pub(super) fn make_flat(&mut self) {
-        if let Some(FlatStart { x, p, .. }) = &self.flat_start {
-            self.engine.put(&self.with_weights(x), p);
+        if let Some(start) = &self.flat_start {
+            let [x, p] = start.state(&self.cloth);
+            self.engine.put(&x, &p);
             self.is_current = false;
         }
-    }
-
-    /// Placed positions with the inverse masses that the vertices have now.
-    fn with_weights(&self, x: &[Vec4]) -> Vec<Vec4> {
-        x.iter().zip(&self.cloth.rest).map(|(x, rest)| x.with_w(rest.w)).collect()
     }
 }
 

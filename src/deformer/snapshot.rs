@@ -207,7 +207,7 @@ impl Deformer {
         (self.pace, self.still, self.bounds) = (pace, still, bounds);
         self.gravity = gravity;
         let is_placed = self.motion.dt == 0.0 && self.motion.h == 0.0;
-        self.flat_start = if is_placed { FlatStart::new(&x, &p, &self.cloth.triangles) } else { None };
+        self.flat_start = if is_placed { FlatStart::placed(&x, &p, &self.cloth) } else { None };
         (self.is_current, self.has_arrived) = (false, false);
         Ok(())
     }

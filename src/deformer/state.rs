@@ -117,7 +117,7 @@ impl Deformer {
         self.motion.pin_velocities = led.collect();
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
-        self.flat_start = FlatStart::new(x, &p, &self.cloth.triangles);
+        self.flat_start = FlatStart::placed(x, &p, &self.cloth);
         self.forget();
         self.is_current = false;
     }

@@ -39,7 +39,7 @@ impl Deformer {
         past.contact.iter_mut().for_each(|contact| contact.warp(&rigid));
         let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &past);
         resumed.map_err(|failure| self.failed(failure))?;
-        self.flat_start = self.flat_start.take().and_then(|_| FlatStart::new(&x, &p, &self.cloth.triangles));
+        self.flat_start = self.flat_start.take().and_then(|_| FlatStart::placed(&x, &p, &self.cloth));
         self.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
         self.motion.colliders.clear();

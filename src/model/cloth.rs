@@ -59,7 +59,7 @@ pub(crate) struct Cloth {
     pub sides: DVec3,
     /// The longest sides (m) of its connected parts, none above `extent`.
     pub extents: DVec3,
-    /// How far (m) any part reaches from what holds it ([`extents`](crate::model::extents)).
+    /// How far (m) any part spans between what holds it ([`extents`](crate::model::extents)).
     pub extent: f64,
     /// Length of the longest edge (m).
     pub longest: f32,
@@ -270,8 +270,9 @@ impl Cloth {
     /// With the tethers that the options ask for.
     fn tethered(mut self, options: &Options) -> Cloth {
         if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
-            let Cloth { rest, links, triangles, pinned, mass, extent, density, .. } = &self;
-            let hung = Hung { rest, links, triangles, pinned, mass, extent: *extent, density: *density };
+            let Cloth { rest, links, triangles, pinned, mass, extent, sides, density, .. } = &self;
+            let hung =
+                Hung { rest, links, triangles, pinned, mass, extent: *extent, size: sides.max_element(), density: *density };
             self.tethers = Tethers::new(hung);
         }
         self

@@ -1,4 +1,4 @@
-//! How far a cloth reaches from what holds it, which bounds how much of it hangs on an edge.
+//! How far a cloth spans between what holds it, which bounds how much of it hangs on an edge.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -15,7 +15,8 @@ use crate::model::mesh::bounds;
 pub(crate) struct Extents {
     /// The longest sides (m) of the bounding boxes of the connected parts along each axis, none above `extent`.
     pub extents: DVec3,
-    /// How far (m) any part reaches: from its nearest pins along edges, or across its bounding box if that is less.
+    /// How far (m) any part spans: twice the longest way along edges to the nearest pin, or across its bounding box if that
+    /// is less.
     pub extent: f64,
 }
 
@@ -33,8 +34,8 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
         let sides = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let farthest = vertices.iter().filter_map(|&vertex| distance.get(vertex as usize)).fold(0.0, |a: f64, &b| a.max(b));
         let across = sides.max_element();
-        // A part without pins has no distances but infinite ones.
-        let extent = if distance.is_empty() { across } else { across.min(farthest) };
+        // Cloth that is held on two sides hangs from both. A part without pins has infinite distances, if any.
+        let extent = if distance.is_empty() { across } else { across.min(2.0 * farthest) };
         Extents { extents: sides.min(DVec3::splat(extent)), extent }
     });
     let none = Extents { extents: DVec3::ZERO, extent: 0.0 };

@@ -42,6 +42,8 @@ pub(super) struct Hung<'a> {
     pub pinned: &'a [u32],
     pub mass: &'a [f32],
     pub extent: f64,
+    /// The longest of the [`sides`](crate::model::cloth::Cloth::sides).
+    pub size: f64,
     pub density: f64,
 }
 
@@ -137,7 +139,7 @@ impl<'a> ShortestPaths<'a> {
             around: Csr::new(vertices, triangles.flat_map(|(index, corners)| corners.map(|vertex| (vertex, index as u32)))),
             found: vec![None; vertices],
             next: BinaryHeap::new(),
-            farthest: REACH * cloth.extent,
+            farthest: REACH * cloth.size,
         }
     }
 

@@ -93,7 +93,7 @@ const SOFT: f64 = 2e-3;
 /// a step of a microsecond would turn what is left of a stretch into hundreds of meters per second.
 fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
     let substeps = 1.0 / (60.0 * f64::from(length.longest));
-    let reach = REACH * cloth.extent * (FULL_REACH / substeps).min(1.0);
+    let reach = REACH * cloth.sides.max_element() * (FULL_REACH / substeps).min(1.0);
     let part = (f64::from(length.h) / f64::from(length.longest)).powi(2).min(1.0);
     let left = part * (1.0 - length.resolved);
     let tether = |held: &Held| {
