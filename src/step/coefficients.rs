@@ -49,7 +49,7 @@ impl Coefficients {
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
         // The levels carry only the load that the fine sweep does not.
         let left = (1.0 - length.resolved).max(0.0);
-        let weight = cloth.density * STANDARD_GRAVITY * cloth.extent;
+        let hanging = cloth.density * STANDARD_GRAVITY * cloth.extent;
         let sum = |links: &[Link]| links.iter().map(|link| link.shape * f64::from(link.rest).powi(2)).sum::<f64>();
         let share = left / levels.len() as f64 * sum(cloth.swept());
         let coarse = |level: &Level| {
@@ -57,7 +57,7 @@ impl Coefficients {
             let coarse_edge = |link: &Link| {
                 // Along a soft direction, the fine sweep carries more of the load.
                 let firmness = f64::from(link.scale);
-                let is_soft = weight > SOFT * cloth.stretch * firmness;
+                let is_soft = hanging > SOFT * cloth.stretch * firmness;
                 let left = (if is_soft { shared } else { left }).min((1.0 - length.resolved / firmness).max(0.0));
                 let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
                 edge(link, inverse_weight(1.0 / (left * link.stiffness), weight, ONE_WAY, 0.0, length))
