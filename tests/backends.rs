@@ -237,6 +237,7 @@ on_every_backend!(
     a_failed_step_leaves_the_state,
     measure_is_right,
     a_crowd_moves_as_each_alone,
+    a_flat_start_is_kept_until_a_step_succeeds,
     positions_arrive_later
 );
 
@@ -395,6 +396,31 @@ fn positions_arrive_later(backend: Backend) {
         .and_then(|()| taken(&mut deformer).map(|_| ()));
     assert!(matches!(failed, Err(StepError::Unstable { .. })), "{failed:?}");
     assert_eq!(deformer.positions().unwrap(), later, "the state is as it was");
+}
+
+/// The imperfection that a flat cloth gets before its first step drops no request, and is undone where that step fails.
+fn a_flat_start_is_kept_until_a_step_succeeds(backend: Backend) {
+    let (mut mesh, options) = common::hang(9, 20, backend);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, -x.z, 0.0));
+    let mut curtain = Deformer::new(&mesh, options).unwrap();
+    curtain.request_positions().unwrap();
+    let start = curtain.snapshot().unwrap();
+    play(&mut curtain, 3, &Attributes::default());
+    assert_eq!(taken(&mut curtain).unwrap(), mesh.positions);
+    let then = curtain.positions().unwrap().to_vec();
+    assert!(then.iter().any(|x| x.z != 0.0), "it has an imperfection");
+    // From the start again, and again after a failure.
+    curtain.restore(&start).unwrap();
+    assert_eq!(curtain.positions().unwrap(), mesh.positions);
+    let failed =
+        curtain.step(FRAME, &common::gale(&Attributes::default())).map(|_| ()).and_then(|()| curtain.positions().map(|_| ()));
+    assert!(failed.is_err());
+    if backend != Backend::Gpu {
+        assert_eq!(curtain.positions().unwrap(), mesh.positions);
+    }
+    curtain.restore(&start).unwrap();
+    play(&mut curtain, 3, &Attributes::default());
+    assert_eq!(curtain.positions().unwrap(), then);
 }
 
 /// A stretched, moving pair of triangles, compared with a calculation by hand.

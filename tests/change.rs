@@ -10,6 +10,7 @@ use common::{FRAME, play, rms};
 
 on_every_backend!(
     a_changed_cloth_is_one_made_so,
+    a_changed_shell_is_one_made_so,
     a_change_to_the_same_changes_nothing,
     pins_that_are_let_go_fall_and_pinned_vertices_stay,
     a_vertex_without_edges_that_is_let_go_stays,
@@ -94,6 +95,22 @@ fn a_changed_cloth_is_one_made_so(backend: Backend) {
         // Identical on a CPU; a GPU may add sums in a different order each time.
         assert!(if backend == Backend::Gpu { apart < 1e-5 * moved } else { apart == 0.0 }, "{name}: {apart} of {moved}");
     }
+}
+
+/// A ball, whose edges are swept there and back, after other masses and pins as if it had been made with them.
+fn a_changed_shell_is_one_made_so(backend: Backend) {
+    let mesh = common::shapes::ball(Vec3::Y, 0.3, 12);
+    let (mass, pinned) = (Some(vec![0.002; mesh.positions.len()]), vec![30, 200]);
+    let plain = Options { pinned: Vec::new(), levels: Levels::Off, ..options(backend) };
+    let mut made = Deformer::new(&mesh, Options { mass: mass.clone(), pinned: pinned.clone(), ..plain.clone() }).unwrap();
+    let mut changed = Deformer::new(&mesh, plain).unwrap();
+    changed.set_pinned(pinned).unwrap();
+    changed.set_mass(mass).unwrap();
+    [&mut made, &mut changed].into_iter().for_each(|ball| play(ball, 12, &scene(2)));
+    let [made, changed] = [&mut made, &mut changed].map(|ball| ball.positions().unwrap().to_vec());
+    let apart = rms(&made, &changed);
+    assert!(if backend == Backend::Gpu { apart < 1e-5 } else { apart == 0.0 }, "{apart} m");
+    assert!(rms(&made, &mesh.positions) > 0.05);
 }
 
 /// What a change does not set stays as it is: the motion continues.
