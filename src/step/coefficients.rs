@@ -9,7 +9,7 @@ use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
 use crate::step::bending::BendRows;
-use crate::step::substep_count::{Length, STANDARD_GRAVITY};
+use crate::step::substep_count::{Length, ONE_WAY, STANDARD_GRAVITY, softening};
 use crate::step::watch::TRANSIENT;
 
 /// The coefficients of a cloth for substeps of one length.
@@ -109,16 +109,6 @@ fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
 fn edge(link: &Link, inverse_weight: f64) -> Edge {
     let [a, b] = link.ends;
     Edge { a, b, inverse_rest: 1.0 / link.rest, inverse_weight: inverse_weight as f32 }
-}
-
-/// The compliance that a sweep adds to each edge, as a multiple of `h² w`: where it visits edges once ..
-const ONE_WAY: f64 = 0.5;
-/// .. and where it visits them twice, in one order and in its reverse.
-const BOTH_WAYS: f64 = 0.25;
-
-/// The compliance that the sweep adds to an edge, as a multiple of `h² w`.
-pub(crate) fn softening(cloth: &Cloth, link: &Link) -> f64 {
-    if cloth.is_in_shell(link) { BOTH_WAYS } else { ONE_WAY }
 }
 
 /// `1 / (w + a')` of an edge, with its compliance `1/k` (m/N) shifted: `a' = alpha/h² - w/2`, `w = w_i + w_j`.

@@ -8,7 +8,6 @@ use crate::model::link::Link;
 use crate::options::Fabric;
 use crate::options::{Levels, Method, Options, Quality};
 use crate::record::recorded;
-use crate::step::coefficients::softening;
 
 /// [`Quality`] counts substeps per 1/60 s.
 pub(crate) const FRAMES: f64 = 60.0;
@@ -178,6 +177,17 @@ impl Rates {
 /// Whether wind of this dynamic pressure (Pa) is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy).
 pub(crate) fn is_gale(cloth: &Cloth, pressure: f64) -> bool {
     pressure > GALE * cloth.density * STANDARD_GRAVITY
+}
+
+/// The compliance that a sweep adds to each edge, as a multiple of `h² w`: where it visits edges once ..
+pub(crate) const ONE_WAY: f64 = 0.5;
+/// .. and where it visits them twice, in one order and in its reverse.
+const BOTH_WAYS: f64 = 0.25;
+
+/// The compliance that the sweep adds to an edge, as a multiple of `h² w`: derived in
+/// [`step::coefficients`](crate::step::coefficients).
+pub(crate) fn softening(cloth: &Cloth, link: &Link) -> f64 {
+    if cloth.is_in_shell(link) { BOTH_WAYS } else { ONE_WAY }
 }
 
 /// Substeps per second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, in shells
