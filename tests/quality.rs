@@ -23,6 +23,7 @@ on_every_backend!(
     any_step_can_be_asked_for_again,
     a_bound_takes_the_levels_that_pay,
     a_settled_cloth_sleeps_and_wakes,
+    what_flies_steadily_does_not_sleep,
 );
 
 /// The attributes of a scene as a function of the frame.
@@ -401,6 +402,70 @@ fn a_common_motion_takes_no_substeps() {
     let [(still, warned), (riding, more)] = [Vec3::ZERO, Vec3::new(16.0, 0.0, 12.0)].map(run);
     println!("{still} substeps and {warned} warnings on the ground, {riding} and {more} at 20 m/s");
     assert!(riding <= still + still / 20 && more <= warned, "{still}, {warned} and {riding}, {more}");
+}
+
+/// A blanket that lies on a seat, held by nothing, takes as many substeps on the road as in the garage, and keeps its folds.
+#[test]
+fn cloth_without_pins_rides_along() {
+    let mut mesh = Mesh::grid(24, 24, 1.0, 1.0);
+    mesh.positions.iter_mut().for_each(|x| x.y = 0.02);
+    let ride = |velocity: Vec3, contact: Option<Contact>| {
+        let options = Options { backend: Backend::Cpu, fabric: Fabric::COTTON, contact, ..Options::default() };
+        let mut blanket = Deformer::new(&mesh, options).unwrap();
+        blanket.set_state(&mesh.positions, &vec![velocity; mesh.positions.len()]).unwrap();
+        // The time of a frame is a power of two, so that no rounding tells one ride from the other.
+        let dt = 1.0 / 64.0;
+        let colliders = |frame: u32| {
+            let at = velocity * (frame as f32 * dt);
+            let seat = Collider::rounded_box(at, Vec3::new(0.2, 0.015, 0.2), Quat::IDENTITY, 0.01);
+            vec![Collider::plane(at, Vec3::Y), seat]
+        };
+        blanket.place_colliders(&colliders(0)).unwrap();
+        let mut step = |frame: u32| {
+            let air = Attributes { wind: velocity, air_density: 1.2, ..Attributes::default() };
+            blanket.step(dt, &Attributes { colliders: colliders(frame), ..air }).unwrap()
+        };
+        let reports: Vec<StepReport> = (1..=64).map(&mut step).collect();
+        let warnings: usize = reports.iter().map(|report| report.warnings.len()).sum();
+        let substeps: u32 = reports.iter().map(|report| report.substeps).sum();
+        let positions: Vec<Vec3> = blanket.positions().unwrap().iter().map(|x| *x - velocity).collect();
+        (substeps, warnings, positions)
+    };
+    for contact in [None, Some(Contact::default())] {
+        let (still, _, at_rest) = ride(Vec3::ZERO, contact);
+        for speed in [8.0, 32.0, 128.0] {
+            let (riding, warnings, positions) = ride(Vec3::X * speed, contact);
+            let apart = rms(&at_rest, &positions);
+            println!("{speed} m/s: {riding} substeps of {still}, {warnings} warnings, {apart} m apart");
+            assert!(riding <= still + still / 20 && warnings == 0 && apart < 1e-3, "{speed} m/s: {riding} of {still}, {warnings}");
+        }
+    }
+}
+
+/// What is thrown takes few substeps while it flies, and more before it hits what stands still, because it moves towards that.
+#[test]
+fn what_is_thrown_takes_substeps_before_it_hits() {
+    let mesh = Mesh::grid(32, 32, 1.0, 1.0);
+    let mut towel = Deformer::new(&mesh, Options { backend: Backend::Cpu, ..Options::default() }).unwrap();
+    towel.set_state(&mesh.positions, &vec![Vec3::X * 16.0; mesh.positions.len()]).unwrap();
+    let pole = Collider::capsule(Vec3::new(6.0, -2.0, 0.1), Vec3::new(6.0, 2.0, 0.1), 0.1);
+    let scene = Attributes { colliders: vec![pole], gravity: Vec3::ZERO, ..Attributes::default() };
+    // It arrives in the 20th frame.
+    let taken: Vec<u32> = (0..20).map(|_| towel.step(FRAME, &scene).unwrap().substeps).collect();
+    println!("{taken:?}");
+    assert!(taken[12] <= 10 && taken[19] >= 2 * taken[12], "{taken:?}");
+}
+
+/// Cloth that nothing accelerates is at rest only where it stays.
+fn what_flies_steadily_does_not_sleep(backend: Backend) {
+    let sleep = Some(Sleep { after: 0.02, ..Sleep::default() });
+    let mut cloth = Deformer::new(&Mesh::grid(6, 6, 0.3, 0.3), Options { backend, sleep, ..Options::default() }).unwrap();
+    let start = cloth.positions().unwrap().to_vec();
+    cloth.set_state(&start, &vec![Vec3::X * 3.0; start.len()]).unwrap();
+    let space = Attributes { gravity: Vec3::ZERO, ..Attributes::default() };
+    let slept = (0..30).filter(|_| cloth.step(FRAME, &space).unwrap().asleep).count();
+    let way = cloth.positions().unwrap()[0].x - start[0].x;
+    assert!(slept == 0 && (way - 1.5).abs() < 1e-3, "asleep in {slept} steps, {way} m away");
 }
 
 /// Pins that move alike at a constant velocity pull on nothing, however fast.

@@ -1,5 +1,7 @@
 //! How a bound on strain is kept: choosing the substeps of the next step, and learning from the last one.
 
+use glam::Vec3;
+
 use super::contact::mesh_colliders;
 use super::{Deformer, StepDecision};
 use crate::attributes::Attributes;
@@ -119,6 +121,7 @@ impl Deformer {
         if !self.is_observed(attributes) {
             self.awaiting_statistics.clear();
             self.seen = None;
+            self.motion.course = Vec3::ZERO;
             return None;
         }
         if self.engine.contact().is_some() {
@@ -133,7 +136,9 @@ impl Deformer {
             let holds = self.holds(strain_bound, warnings);
             warnings.extend(self.learn(&decision, strain_bound, seen, holds));
         }
-        self.seen = Some(*seen);
+        if let Some(before) = self.seen.replace(*seen) {
+            self.motion.observe([&before, seen], decision.dt);
+        }
         let share = seen.stretch_of(f64::from(strain_bound.map_or(Quality::MOST_OF_THE_AREA, |strain_bound| strain_bound.share)));
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
     }

@@ -1,5 +1,7 @@
 //! Sleep: a cloth that has come to rest is not stepped until something changes.
 
+use glam::Vec3;
+
 use super::Deformer;
 use crate::attributes::Attributes;
 use crate::kernels::statistics::Statistics;
@@ -28,7 +30,10 @@ impl Deformer {
     pub(super) fn watch_for_sleep(&mut self, dt: f32, attributes: &Attributes, seen: Option<&Statistics>) {
         let Some(sleep) = self.options.sleep else { return };
         let late = self.late();
-        let moves = |seen: &Statistics| seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
+        // Speeds are counted relative to the course.
+        let falls = self.motion.course != Vec3::ZERO;
+        let moves =
+            |seen: &Statistics| falls || seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
         let Stillness { attributes: last, time } = &mut self.still;
         *time = match last == attributes {
             true if seen.is_none_or(moves) => 0.0,

@@ -19,9 +19,10 @@ pub(crate) struct Load {
     pub gravity: f64,
     /// Acceleration (m/s²) of the pin whose velocity changes the most in this step.
     pub pins: f64,
-    /// The 95th percentile of the free vertices' speed relative to the pins (m/s).
+    /// The 95th percentile of the free vertices' speed (m/s) relative to the pins, or to the course of cloth without any.
     pub cloth_speed: f64,
-    /// Speed of the fastest collider that may touch the cloth (m/s), relative to the pins where that is slower.
+    /// Speed of the fastest collider that may touch the cloth (m/s), relative to the pins where that is slower, and to the
+    /// course of cloth without any.
     pub collider_speed: f64,
     /// With contact of triangles: how fast (m/s) pins and mesh colliders move relative to each other; contact has to
     /// give way to that.
@@ -43,18 +44,20 @@ pub(crate) struct Fastest {
     /// that is slower.
     pub collider: (usize, f64),
     pub solid: (usize, f64),
+    /// The largest speed (m/s) at which the cloth, on its course, and a collider that it may touch move relative to each other.
+    pub meets: f64,
     /// The speeds (m/s) of the fastest pin, and of the fastest collider anywhere.
     pub any_pin: f64,
     pub any_collider: f64,
-    /// The mean displacement (m) of the pins.
+    /// The displacement (m) of the pins, or of cloth without any: see [`Motion::drift`].
     pub drift: Vec3,
 }
 
 impl Fastest {
     /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics.
     pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, seen: Option<&Statistics>) -> Fastest {
-        let drift = motion.drift(cloth, attributes.pin_targets.as_deref());
-        // The statistics count speeds relative to the pins.
+        let drift = motion.drift(cloth, attributes.pin_targets.as_deref(), dt as f32);
+        // The statistics count speeds relative to the drift.
         let common = motion.last_drift(cloth).as_dvec3();
         let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
         let common = if goes_along { common } else { DVec3::ZERO };
@@ -73,9 +76,16 @@ impl Fastest {
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let way = travel(&now.shape, &last.shape, Vec3::ZERO);
             fastest.any_collider = fastest.any_collider.max(way / dt);
-            // What goes along with the pins, like the body of a runner in his cape, does not run into the cloth.
-            let speed = if drift == Vec3::ZERO { way } else { way.min(travel(&now.shape, &last.shape, drift)) } / dt;
-            if speed > fastest.solid.1 && is_near(cloth, now, way, dt, seen) {
+            // What goes along with the cloth, like the body of a runner in his cape, does not run into it.
+            let relative = if drift == Vec3::ZERO { way } else { travel(&now.shape, &last.shape, drift) };
+            let speed = way.min(relative) / dt;
+            // Pins hold the cloth back from what is still; without any it may run into that, if it is known to be near.
+            let (meets, reach) = match seen {
+                Some(_) if !cloth.has_pins() => (relative / dt, relative),
+                _ => (speed, way),
+            };
+            if (speed > fastest.solid.1 || meets > fastest.meets) && is_near(cloth, now, reach, dt, seen) {
+                fastest.meets = fastest.meets.max(meets);
                 faster(&mut fastest.collider, index, speed);
                 if !matches!(now.shape, Shape::Mesh { .. }) {
                     faster(&mut fastest.solid, index, speed);
@@ -124,12 +134,14 @@ impl Load {
         fastest: &Fastest,
         has_contact: bool,
     ) -> Load {
-        let pressure = pressure_of(attributes, attributes.wind - fastest.drift / dt);
+        let relative = pressure_of(attributes, attributes.wind - fastest.drift / dt);
+        // Still air hardly stretches cloth that flies through it: the cloth gives way as a whole.
+        let pressure = if cloth.has_pins() { relative } else { relative.min(pressure(attributes)) };
         Load {
             gravity: attributes.gravity.as_dvec3().length(),
             pins: pin_acceleration(cloth, motion, attributes, dt),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
-            collider_speed: fastest.collider.1,
+            collider_speed: fastest.meets,
             pressure,
             lasting_pressure: pressure.min(pressure_of(attributes, attributes.wind - motion.last_drift(cloth))),
             kinematic_speed: if has_contact { kinematic_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
@@ -172,7 +184,7 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     f64::from(change) / f64::from(apart)
 }
 
-/// Whether a collider that moves by `travel` (m) may touch the cloth during a step of `dt` (s). True if nothing is
+/// Whether a collider that moves by `travel` (m) relative to the cloth's course may touch the cloth during a step of `dt` (s). True if nothing is
 /// known about the cloth yet.
 fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
     seen.is_none_or(|seen| {
@@ -189,10 +201,11 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Optio
 fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
+    let course = if cloth.has_pins() { Vec3::ZERO } else { motion.course };
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
         (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
             let near = seen.map(|seen| {
-                let reach = STEPS_AHEAD as f32 * f32::from_bits(seen.fastest) * dt;
+                let reach = STEPS_AHEAD as f32 * (f32::from_bits(seen.fastest) + course.length()) * dt;
                 let [low, high] = [seen.low, seen.high].map(|bound| unordered(bound) + cloth.origin);
                 [low - reach, high + reach]
             });
@@ -204,8 +217,8 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
                 })
             };
             // How far it moves takes longer to find out than the rest.
-            let may_touch =
-                seen.is_none() || is_near(cloth, now, travel(&now.shape, &last.shape, Vec3::ZERO), f64::from(dt), seen);
+            let way = || travel(&now.shape, &last.shape, course * dt);
+            let may_touch = seen.is_none() || is_near(cloth, now, way(), f64::from(dt), seen);
             may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,

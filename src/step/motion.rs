@@ -6,6 +6,7 @@ use glam::{Vec3, Vec4};
 
 use crate::attributes::{Collider, Shape, invalid};
 use crate::error::StepError;
+use crate::kernels::statistics::{Statistics, unordered};
 use crate::model::cloth::Cloth;
 use crate::record::recorded;
 
@@ -22,9 +23,14 @@ pub(crate) struct Motion {
     pub pins: Vec<Vec3>,
     /// Velocities (m/s) at which the pins moved, or that they were given with a state; empty if they followed no targets.
     pub pin_velocities: Vec<Vec3>,
+    /// Velocity (m/s) at which the cloth moves as a whole, as far as statistics tell: see [`Motion::observe`].
+    pub course: Vec3,
 }
 
-recorded!(Motion { dt, h, colliders, pins, pin_velocities });
+recorded!(Motion { dt, h, colliders, pins, pin_velocities, course });
+
+/// Cloth that moves no faster (m/s) than this as a whole counts as staying where it is.
+const SLOW: f32 = 1.0;
 
 impl Motion {
     /// After a state in the cloth's order, reached by substeps of `h` (s); 0 if the state was set.
@@ -67,14 +73,29 @@ impl Motion {
         colliders.iter().enumerate().find_map(has_others).map_or(Ok(()), Err)
     }
 
-    /// The mean displacement (m) of pins with edges in a step that leads them to `targets`.
-    pub(crate) fn drift(&self, cloth: &Cloth, targets: Option<&[Vec3]>) -> Vec3 {
-        mean_of_pins(cloth, targets.unwrap_or_default().iter().zip(&self.pins).map(|(&to, &from)| to - cloth.origin - from))
+    /// The displacement (m) that the cloth follows in a step of `dt` (s) that leads its pins to `targets`: the mean of those
+    /// with edges, and that of its course if it has none.
+    pub(crate) fn drift(&self, cloth: &Cloth, targets: Option<&[Vec3]>, dt: f32) -> Vec3 {
+        let moves = targets.unwrap_or_default().iter().zip(&self.pins).map(|(&to, &from)| to - cloth.origin - from);
+        mean_of_pins(cloth, moves).unwrap_or(self.course * dt)
     }
 
-    /// The mean velocity (m/s) of pins with edges in the last step.
+    /// The same in the last step, as a velocity (m/s).
     pub(crate) fn last_drift(&self, cloth: &Cloth) -> Vec3 {
-        mean_of_pins(cloth, self.pin_velocities.iter().copied())
+        mean_of_pins(cloth, self.pin_velocities.iter().copied()).unwrap_or(self.course)
+    }
+
+    /// Derives the course from the statistics after a step of `dt` (s) and after the one before. What all sides of the
+    /// bounding box have in common is the motion of the whole: one corner that is flung moves only one side of it.
+    pub(crate) fn observe(&mut self, [before, after]: [&Statistics; 2], dt: f32) {
+        let [low, high] = [(before.low, after.low), (before.high, after.high)].map(|(from, to)| (unordered(to) - unordered(from)) / dt);
+        let slower = Vec3::select(low.abs().cmplt(high.abs()), low, high);
+        self.set_course(Vec3::select((low * high).cmpgt(Vec3::ZERO), slower, Vec3::ZERO));
+    }
+
+    /// Sets the course (m/s), unless it is slow.
+    pub(crate) fn set_course(&mut self, course: Vec3) {
+        self.course = if course.is_finite() && course.length() > SLOW { course } else { Vec3::ZERO };
     }
 
     /// Records the targets that the pins followed in a step of `dt` (s).
@@ -94,11 +115,11 @@ impl Motion {
     }
 }
 
-/// The mean of one value for each pin, over the pins with edges; 0 if there are none.
-fn mean_of_pins(cloth: &Cloth, values: impl Iterator<Item = Vec3>) -> Vec3 {
+/// The mean of one value for each pin, over the pins with edges: 0 if there are no values, `None` if there are no such pins.
+fn mean_of_pins(cloth: &Cloth, values: impl Iterator<Item = Vec3>) -> Option<Vec3> {
     let used = cloth.pinned.iter().zip(values).filter(|(pin, _)| cloth.is_used(**pin));
     let (count, sum) = used.fold((0, Vec3::ZERO), |(count, sum), (_, value)| (count + 1, sum + value));
-    sum / count.max(1) as f32
+    (count > 0 || cloth.has_pins()).then(|| sum / count.max(1) as f32)
 }
 
 /// A collider's way in a step, by its landmarks (m).

@@ -109,7 +109,8 @@ impl StepInputs<'_> {
     /// What is the same in all substeps, but for the numbers of bodies and pins.
     fn params(&self) -> Params {
         let StepInputs { cloth, options, coefficients, attributes, .. } = *self;
-        let drift = self.motion.drift(cloth, attributes.pin_targets.as_deref()) / self.substeps as f32;
+        let dt = coefficients.length.h * self.substeps as f32;
+        let drift = self.motion.drift(cloth, attributes.pin_targets.as_deref(), dt) / self.substeps as f32;
         Params {
             acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
             h: coefficients.length.h,
