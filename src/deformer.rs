@@ -5,6 +5,7 @@
 mod bench;
 mod change;
 mod contact;
+mod errors;
 mod forecast;
 mod imperfection;
 mod measure;

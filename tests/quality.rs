@@ -437,7 +437,10 @@ fn cloth_without_pins_rides_along() {
             let (riding, warnings, positions) = ride(Vec3::X * speed, contact);
             let apart = rms(&at_rest, &positions);
             println!("{speed} m/s: {riding} substeps of {still}, {warnings} warnings, {apart} m apart");
-            assert!(riding <= still + still / 20 && warnings == 0 && apart < 1e-3, "{speed} m/s: {riding} of {still}, {warnings}");
+            assert!(
+                riding <= still + still / 20 && warnings == 0 && apart < 1e-3,
+                "{speed} m/s: {riding} of {still}, {warnings}"
+            );
         }
     }
 }

@@ -3,7 +3,7 @@
 //! # Theory
 //! The method keeps the cloth free of intersections instead of resolving them afterwards. [`detection`] lists the pairs
 //! of features of the [`surface`] that may come closer than the thickness within some substeps, by a
-//! [`tree`](detection::tree). The [`contacts`] of a substep are those of them that may do so in that substep
+//! [`tree`](detection::tree), a [broad phase](detection::broad_phase) and a [narrow phase](detection::narrow_phase). The [`contacts`] of a substep are those of them that may do so in that substep
 //! ([`near`](contacts::near)), except for a vertex and a triangle beside which it is above another one
 //! ([`voronoi`](contacts::near::voronoi)). The [`response`](contacts::response) holds them apart by the thickness, with
 //! friction, and [`truncation`](contacts::truncation) then shortens displacements so that the two sides of a pair stay

@@ -105,8 +105,8 @@ shaders! {
         BODIES: "mean" "bodies";
         TREE: "boxes" "normals" "tree";
         DESCENT: "boxes" "normals" "detection" "descent";
-        CANDIDATES: "boxes" "detection" "candidates";
-        LISTING: "boxes" "normals" "detection" "listing";
+        BROAD_PHASE: "boxes" "detection" "broad_phase";
+        NARROW_PHASE: "boxes" "normals" "detection" "narrow_phase";
         NEAR: "mean" "pairs" "voronoi" "near";
         RESPONSE: "pairs" "sums" "response";
         TRUNCATION: "pairs" "sums" "truncation";

@@ -65,7 +65,8 @@ pub(crate) struct Substep {
     /// Factor from the last displacement to its contribution to this one: drag, and the ratio of this substep to the
     /// last.
     pub carry: f32,
-    /// Displacement per unit of acceleration (s²): `h²`, or half of that in the first substep (leapfrog start).
+    /// Displacement per unit of acceleration (s²): `h (last h + h)/2`, less with drag. Before the first substep there was
+    /// none, so that it is half of `h²` (leapfrog start).
     pub gain: f32,
     /// One over the last substep (1/s), which turns `p` into a velocity.
     pub rate: f32,

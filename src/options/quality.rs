@@ -12,31 +12,37 @@ pub enum Quality {
     /// yields under its load. Short for [`Quality::Hold`] with a share of 0.99.
     Strain(f32),
     /// As few substeps as keep the stretch of most of the cloth's area below a bound, chosen anew for every step.
+    ///
     /// Before the step the number is predicted from what acts on the cloth (gravity, wind, its speed, how pins and
     /// colliders move) by the law `S = S* sqrt(2 sigma f / (K stretch))`, where `S*` is the number that resolves the
-    /// stiffness K and sigma is the membrane stress. After the step the factor f is corrected from the measured
-    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`, more only where contact
-    /// needs it, also to come to rest ([`Sleep`](crate::Sleep)). If a step exceeded the bound,
-    /// [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and why.
+    /// stiffness K (N/m) and sigma (N/m) is the membrane stress. After the step the factor f is corrected from the measured
+    /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`, more only where contact needs it, also to come
+    /// to rest ([`Sleep`](crate::Sleep)). If a step exceeded the bound, [`Warning::StrainMissed`](crate::Warning::StrainMissed)
+    /// says by how much, and why.
     ///
-    /// The choice is the same on any number of threads. On the GPU the measurements are three steps old, because a step
-    /// never waits for one that was submitted shortly before, except with contact of triangles, where it waits anyway. Pass [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to
-    /// [`Quality::Substeps`] to repeat a step bit for bit; on the GPU also [`StepReport::levels`](crate::StepReport::levels) to
-    /// [`Levels::Count`](crate::Levels::Count), because a bound takes fewer levels there. Other
-    /// methods do not use the bound: see [`Method`](crate::Method).
+    /// The choice is the same on any number of threads. To repeat a step bit for bit, pass
+    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to [`Quality::Substeps`]; on the GPU also
+    /// [`StepReport::levels`](crate::StepReport::levels) to [`Levels::Count`](crate::Levels::Count), because a bound takes
+    /// fewer levels there.
+    ///
+    /// On the GPU the measurements are three steps old, because a step never waits for one that was submitted shortly
+    /// before; with contact of triangles it waits anyway. Methods other than the default do not use the bound: see
+    /// [`Method`](crate::Method).
     Hold {
         /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.
         stretch: f32,
         /// Share of the area that keeps the bound, 0.5 to 1. Each edge counts with the area of its triangles.
         share: f32,
     },
-    /// As many substeps as fit into this time (ms) per step, estimated from the time that previous steps took, and at
-    /// most 1.4 `S*` (see [`Quality::Hold`]); at least one, and with contact of triangles 5 per 1/60 s, since fewer stretch
-    /// the cloth so far that contact takes longer. Nothing warns of a time that is too short even for these. Timings
-    /// differ between runs, so a run cannot be repeated exactly;
-    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) repeats a single step of 1/60 s. Not available on the GPU, where a step returns before the
-    /// work is done. [`Deformer::step_all`](crate::Deformer::step_all) does not time individual cloths: one that was
-    /// never stepped by itself takes 5 substeps per 1/60 s. Other methods do not use the time: see [`Method`](crate::Method).
+    /// As many substeps as fit into this time (ms) per step, estimated from the time that previous steps took.
+    ///
+    /// At least one, with contact of triangles 5 per 1/60 s, since fewer stretch the cloth so far that contact takes longer;
+    /// at most 1.4 `S*` (see [`Quality::Hold`]). Nothing warns of a time that is too short even for these.
+    ///
+    /// Timings differ between runs, so a run cannot be repeated exactly; a single step of 1/60 s can, by its
+    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth). Not available on the GPU, where a step returns
+    /// before the work is done. [`Deformer::step_all`](crate::Deformer::step_all) does not time individual cloths: one that
+    /// was never stepped by itself takes 5 substeps per 1/60 s. Methods other than the default do not use the time.
     Budget(f32),
 }
 

@@ -88,7 +88,8 @@ impl Motion {
     /// Derives the course from the statistics after a step of `dt` (s) and after the one before. What all sides of the
     /// bounding box have in common is the motion of the whole: one corner that is flung moves only one side of it.
     pub(crate) fn observe(&mut self, [before, after]: [&Statistics; 2], dt: f32) {
-        let [low, high] = [(before.low, after.low), (before.high, after.high)].map(|(from, to)| (unordered(to) - unordered(from)) / dt);
+        let [low, high] =
+            [(before.low, after.low), (before.high, after.high)].map(|(from, to)| (unordered(to) - unordered(from)) / dt);
         let slower = Vec3::select(low.abs().cmplt(high.abs()), low, high);
         self.set_course(Vec3::select((low * high).cmpgt(Vec3::ZERO), slower, Vec3::ZERO));
     }

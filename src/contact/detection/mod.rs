@@ -7,9 +7,9 @@
 //! dropped.
 
 pub(super) mod boxes;
-mod candidates;
+mod broad_phase;
 mod listing;
-pub(super) mod measure;
+pub(super) mod narrow_phase;
 pub(super) mod paths;
 pub(super) mod rows;
 pub(super) mod tree;
@@ -20,8 +20,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{Vec3A, Vec4};
 
 use super::detection::boxes::Boxes;
-use super::detection::candidates::{Candidates, TRIANGLES};
-use super::detection::measure::Measure;
+use super::detection::broad_phase::{Candidates, TRIANGLES};
+use super::detection::narrow_phase::Measure;
 use super::detection::rows::{FoundPairs, Rows};
 use super::detection::tree::{DetectionScope, Tree, Walk};
 use super::input::Path;

@@ -8,7 +8,7 @@ use crate::contact::surface::{LEAF, Leaves, Surface};
 use crate::kernels::integrate::xyz;
 use crate::model::csr::Csr;
 
-// `candidates.wgsl` has 256 invocations for the features of pairs of leaves, and 64 bits for those of a kind that one is compared
+// `broad_phase.wgsl` has 256 invocations for the features of pairs of leaves, and 64 bits for those of a kind that one is compared
 // with. A leaf has at most twice its fewest triangles.
 const _: () = assert!(2 * LEAF * 3 <= 64 && 2 * LEAF * (3 + 1 + 3) <= 256);
 

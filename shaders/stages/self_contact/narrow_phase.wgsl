@@ -1,5 +1,5 @@
-// Bounds all features, and lists the candidates that are close enough, with the previous multipliers of those that were listed
-// before.
+// Bounds all features; and the narrow phase, which lists the candidates that are close enough, with the previous multipliers of
+// those that were listed before.
 
 const MEASURERS: u32 = 128u;
 

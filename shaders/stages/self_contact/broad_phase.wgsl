@@ -1,4 +1,4 @@
-// Compares the boxes of the features of leaves that meet. Each invocation has a feature of one leaf, and compares it with those
+// The broad phase compares the boxes of the features of leaves that meet. Each invocation has a feature of one leaf, and compares it with those
 // of the other leaf, which are kept in workgroup memory.
 
 const COMPARERS: u32 = 256u;

@@ -1,8 +1,8 @@
-//! Measures candidates and lists those that may come close enough.
+//! The narrow phase of detection measures the distance of each candidate and lists those that may come close enough.
 
 use glam::Vec4;
 
-use super::candidates::BESIDE;
+use super::broad_phase::BESIDE;
 use super::tree::DetectionScope;
 use crate::contact::surface::lanes::{corners_of, store, whole_corners_of};
 use crate::contact::surface::pairs::{Kind, Listed, between, closest, corners, square};

@@ -1,4 +1,4 @@
-//! Candidates: pairs of features whose boxes are within reach of each other.
+//! The broad phase of detection finds candidates: pairs of features whose boxes are within reach of each other.
 
 use std::ops::Range;
 
