@@ -466,6 +466,24 @@ fn a_bad_mesh_is_refused_by_file_and_place() {
     }
 }
 
+/// A sheet of two panels with vertices of their own along the seam, as a mesh is written whose vertices were split.
+#[test]
+fn seams_that_do_not_join_are_told_of() {
+    let directory = TempDir::new().unwrap();
+    let obj = |seam: &str, faces: &str| {
+        let corners = "v 0 0 0\nv 0 0 1\nv 1 0 0\nv 1 0 1\nv 2 0 0\nv 2 0 1\n";
+        fs::write(directory.path().join("panels.obj"), format!("{corners}{seam}f 1 2 4 3\n{faces}")).unwrap();
+        let output = drape(&directory, &["panels.obj", "--frames", "2", "--pin", "0,1"]).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        stderr(&output)
+    };
+    let split = obj("v 1 0 -0\nv 1 0 1\n", "f 7 8 6 5\n");
+    let told = "4 vertices lie exactly where others do, the first of them 2 and 6";
+    assert!(split.contains(told), "{split}");
+    let joined = obj("", "f 3 4 6 5\n");
+    assert!(!joined.contains("vertices lie"), "{joined}");
+}
+
 #[test]
 fn a_directory_that_cannot_be_made_is_refused() {
     let directory = TempDir::new().unwrap();

@@ -194,7 +194,7 @@ fn place(mesh: &mut Mesh, scale: Option<f32>, rotate: Option<Vec3>, at: Option<V
     }
 }
 
-/// Warns if a mesh is probably in other units.
+/// Warns if a mesh is probably in other units, or in parts that were meant to be one.
 fn doubt(name: &str, mesh: &Mesh) {
     let (low, high) = bounds(mesh);
     let extent = (high - low).max_element();
@@ -203,4 +203,23 @@ fn doubt(name: &str, mesh: &Mesh) {
             format!("{name} is {extent} m across; if those are centimeters, scale it by 0.01 (`--scale`, or `scale` in a scene)");
         warn("warning", &message);
     }
+    let (doubles, first) = doubles(mesh);
+    if let Some([a, b]) = first {
+        let message = format!(
+            "{name}: {doubles} vertices lie exactly where others do, the first of them {a} and {b}, and the cloth is not joined there; if it is one piece, as a mesh whose vertices were split for texture coordinates or normals, merge them by distance"
+        );
+        warn("warning", &message);
+    }
+}
+
+/// How many corners of triangles lie exactly where another one does, and the first two that do.
+fn doubles(mesh: &Mesh) -> (usize, Option<[u32; 2]>) {
+    let mut vertices: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    // Adding 0 makes -0 equal to 0.
+    let place = |vertex: &u32| mesh.positions[*vertex as usize].to_array().map(|x| (x + 0.0).to_bits());
+    vertices.sort_by_key(place);
+    let groups = || vertices.chunk_by(|a, b| place(a) == place(b)).filter(|group| group.len() > 1);
+    (groups().map(<[u32]>::len).sum(), groups().map(|group| [group[0], group[1]]).min())
 }
