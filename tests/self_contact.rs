@@ -176,11 +176,12 @@ fn whatever_else_the_scene_has() {
 }
 
 /// Two sheets collide without gravity. Their momentum is conserved and no energy is added. In the second case they move
-/// by three times their thickness per substep, and what truncation removes is restored later.
+/// by three times their thickness per substep, and what truncation removes is returned, also if there is a collider far away.
 #[test]
 fn two_sheets_collide() {
-    for (speed, frames) in [(1.0, 30), (10.0, 12)] {
-        let mut scene = Scene::new(jittered(sheets(2, 12, 0.5, 0.1), 6), 20, Vec::new());
+    let floor = vec![Collider::plane(Vec3::Y * -9.0, Vec3::Y)];
+    for (speed, frames, colliders) in [(1.0, 30, Vec::new()), (10.0, 12, Vec::new()), (10.0, 12, floor)] {
+        let mut scene = Scene::new(jittered(sheets(2, 12, 0.5, 0.1), 6), 20, colliders);
         scene.options.fabric = Fabric { bending: 0.0, damping: 0.0, ..CLOTH };
         scene.options.levels = Levels::Off;
         scene.attributes.gravity = Vec3::ZERO;

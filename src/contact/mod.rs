@@ -306,8 +306,9 @@ impl TriangleContact {
         self.max_carry = input.max_carry;
         if self.contacts.has_near() {
             self.contacts.finish(x, u, push, workers);
-            // Only a free cloth gets its momentum back: otherwise pins, bodies and colliders would absorb it.
-            if lost != DVec3::ZERO && common_motion.is_none() && plan.bodies.is_empty() {
+            // Only a cloth without kinematic vertices gets its momentum back, because it must not move relative to them.
+            // Colliders stop it in the next substep if it touches them.
+            if lost != DVec3::ZERO && common_motion.is_none() {
                 give_back(plan.cloth, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();

@@ -82,7 +82,7 @@ fn sum_lost(mine: vec3f, lane: u32) {
     }
 }
 
-// Used if nothing else holds the cloth. Each workgroup computes the sum by itself, in the same order.
+// Used if there are no kinematic vertices. Each workgroup computes the sum by itself, in the same order.
 @compute @workgroup_size(WORKGROUP)
 fn give_back(
     @builtin(global_invocation_id) id: vec3u,

@@ -6,7 +6,7 @@
 //! rigid, so it need not be scaled. (Lan et al. 2022 truncate along the path; with one factor per vertex, no order of pairs is
 //! needed.) Pairs that are not near need no plane: truncation lets no vertex move farther than it was about to before the
 //! response, apart from an allowance ([`FARTHER`]). The momentum that truncation removes is returned to the cloth as a whole if
-//! nothing else holds it.
+//! it has no kinematic vertices, else crumpled cloth would drive itself, and hover.
 //!
 //! One factor shortens a displacement along the plane, too, so cloth that is pressed against a mesh body would stick to it whatever
 //! the friction. Therefore a displacement first loses what leads it beyond the planes of pairs with a kinematic side: it slides.

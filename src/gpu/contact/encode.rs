@@ -102,7 +102,7 @@ impl GpuContact {
             stages.carry.dispatch_workgroups(pass, group, &[], 1);
             truncate(pass, &stages.truncate_again);
         }
-        if !plan.cloth.has_pins() && plan.bodies.is_empty() && plan.meshes.is_empty() {
+        if !plan.cloth.has_pins() && plan.meshes.is_empty() {
             stages.give_back.dispatch(pass, group, &[], vertices);
         }
         if plan.cloth.has_pins() || !plan.meshes.is_empty() {
