@@ -4,7 +4,12 @@
 //! Each near pair gets the plane halfway between its closest points. A vertex's displacement relative to the common motion is
 //! scaled by the largest factor in [0, 1] that keeps the vertex on its side of the planes of all its pairs. The common motion is
 //! rigid, so it need not be scaled. (Lan et al. 2022 truncate along the path; with one factor per vertex, no order of pairs is
-//! needed.) Pairs that are not near need no plane: truncation lets no vertex move farther than it was about to before the
+//! needed.)
+//!
+//! A plane that moves along with a pair serves as well, as long as no corner of it is shortened: otherwise cloth that swings or
+//! spins by a third of a cell in a substep would be slowed down by its own neighbors. So a pair is [clear](Shares) if it stays
+//! apart where its corners go, and its plane holds only pairs that are not, and then those of which a corner was shortened, until
+//! there are no more. Pairs that are not near need no plane: truncation lets no vertex move farther than it was about to before the
 //! response, apart from an allowance ([`FARTHER`]). The momentum that truncation removes is returned to the cloth as a whole if
 //! it has no kinematic vertices, else crumpled cloth would drive itself, and hover.
 //!
@@ -28,6 +33,8 @@ use crate::simd::{self, Loop, MAX_LANES, Registers};
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
 /// [`Vertex::half_gap`](crate::contact::input::Vertex::half_gap).
 pub(crate) const FARTHER: f32 = 0.45;
+/// Rounds in which the pairs are held that a shortened corner no longer leaves clear. In the last one all are.
+const ROUNDS: usize = 4;
 
 impl Contacts {
     /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes from a cloth that nothing holds.
@@ -70,7 +77,19 @@ impl Contacts {
 
     /// Computes the share of each vertex's displacement that is left.
     fn find_shares(&mut self, input: ContactInput<'_>) {
-        let Contacts { portions, used, vertices, u, relative, shares, carried, common_motion, .. } = self;
+        self.begin_shares(input);
+        self.shorten(input, true);
+        for round in 1..=ROUNDS {
+            if self.shares.iter().all(|&share| share == 1.0) || !self.hold_more(round == ROUNDS) {
+                break;
+            }
+            self.shorten(input, false);
+        }
+    }
+
+    /// Computes how far vertices move relative to the common motion, and the share that is no more than contact may move them.
+    fn begin_shares(&mut self, input: ContactInput<'_>) {
+        let Contacts { vertices, u, relative, shares, carried, common_motion, .. } = self;
         let workers = input.context.workers;
         let part = workers.part(vertices.len(), GRAIN);
         shares.resize(vertices.len(), 1.0);
@@ -86,21 +105,43 @@ impl Contacts {
         for place in carried.iter().map(|&place| place as usize) {
             (relative[place].w, shares[place]) = (1.0, 1.0);
         }
+    }
+
+    /// Chooses the pairs that planes hold from now on: those that were clear and have a corner that is shortened, or all. Returns
+    /// whether there are any.
+    fn hold_more(&mut self, all: bool) -> bool {
+        let Contacts { portions, used, shares, .. } = self;
+        let mut any = 0;
+        for portion in &mut portions[..*used] {
+            let mut found = std::mem::take(&mut portion.truncation);
+            found.held.clear();
+            for (block, clear) in portion.blocks().zip(&mut found.clear) {
+                let is_shortened = |lane: &usize| block.corners[*lane].iter().any(|&corner| shares[corner as usize] < 1.0);
+                let lanes = (0..MAX_LANES).filter(|lane| *clear >> lane & 1 != 0);
+                let held = if all { *clear } else { lanes.filter(is_shortened).fold(0, |held, lane| held | 1 << lane) };
+                *clear &= !held;
+                any |= held;
+                found.held.push(held);
+            }
+            portion.truncation = found;
+        }
+        any != 0
+    }
+
+    /// Shortens displacements by the planes of pairs: at first of those that are not clear, then of those that are held now.
+    fn shorten(&mut self, input: ContactInput<'_>, is_first: bool) {
+        let Contacts { portions, used, relative, shares, .. } = self;
+        let (workers, width) = (input.context.workers, input.context.width);
+        let (may_slide, thickness) = (input.may_slide, input.surface.thickness);
         let (relative, portions): (&[Vec4], _) = (relative, &mut portions[..*used]);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
                 let mut found = std::mem::take(&mut portion.truncation);
-                found.clear();
-                simd::run(
-                    input.context.width,
-                    Shares {
-                        portion,
-                        relative,
-                        may_slide: input.may_slide,
-                        thickness: input.surface.thickness,
-                        found: &mut found,
-                    },
-                );
+                found.shares.clear();
+                if is_first {
+                    found.begin(portion.blocks().count());
+                }
+                simd::run(width, Shares { portion, relative, may_slide, thickness, is_first, found: &mut found });
                 portion.truncation = found;
                 portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
                 portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
@@ -114,23 +155,30 @@ impl Contacts {
 }
 
 /// Computes the share of its displacement relative to the common motion that each vertex of near pairs may take.
+///
+/// A pair without kinematic corners is clear if a plane across its normal, which moves along with it, stays between its sides:
+/// its corners are on their sides, and at the end those of both that are nearest to each other are still farther apart than
+/// twice the clearance. Paths and plane are straight, so that it also holds in between.
 struct Shares<'a> {
     portion: &'a Portion,
     relative: &'a [Vec4],
     may_slide: bool,
     thickness: f32,
+    /// Whether all near pairs are to be tested, or those that are held now.
+    is_first: bool,
     found: &'a mut Truncation,
 }
 
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, relative, may_slide, thickness, found } = self;
+        let Shares { portion, relative, may_slide, thickness, is_first, found } = self;
         let kind = portion.kind;
         let (zero, one, thickness) = (L::splat(0.0), L::splat(1.0), L::splat(thickness));
-        for (block, first) in portion.blocks().flat_map(|block| (0..MAX_LANES).step_by(L::LANES).map(move |first| (block, first)))
-        {
-            let near = block.near >> first & ((1_u32 << L::LANES) - 1);
+        let rows = |(index, block)| (0..MAX_LANES).step_by(L::LANES).map(move |first| (index, block, first));
+        for (index, block, first) in portion.blocks().enumerate().flat_map(rows) {
+            let tested = if is_first { block.near } else { found.held[index] };
+            let mut near = tested >> first & ((1_u32 << L::LANES) - 1);
             if near == 0 {
                 continue;
             }
@@ -139,16 +187,20 @@ impl Loop for Shares<'_> {
             let (normal, clearance) = (vector::<L>(&block.normal, first), number::<L>(&block.clearance, first));
             let mut heights = [zero; 4];
             let mut towards = [zero; 4];
+            // The least height of a corner, and the least of each side at the end.
+            let (mut lowest, mut ends) = (L::splat(f32::MAX), [L::splat(f32::MAX); 2]);
             let (mut shift_from_first, mut shift_from_second) = (zero, zero);
             for k in 0..4 {
-                let is_first = k < kind.first_side();
-                let side = if is_first { one } else { L::splat(-1.0) };
+                let of_first = k < kind.first_side();
+                let side = if of_first { one } else { L::splat(-1.0) };
                 heights[k] = number(&block.heights[k], first);
                 towards[k] = (zero - side) * normal.dot(relative[k]);
+                let end = &mut ends[usize::from(!of_first)];
+                (lowest, *end) = (lowest.min(heights[k]), end.min(heights[k] - towards[k]));
                 // Kinematic and carried corners are not truncated. As far as one of them would cross the plane, the plane
                 // is shifted; if both sides push, by the difference.
                 let out = (clearance - (heights[k] - towards[k])).max(zero) * is_kinematic[k];
-                if is_first {
+                if of_first {
                     shift_from_first = shift_from_first.max(out);
                 } else {
                     shift_from_second = shift_from_second.max(out);
@@ -156,6 +208,16 @@ impl Loop for Shares<'_> {
             }
             let shift = shift_from_second - shift_from_first;
             let kinematic_corners = (is_kinematic[0] + is_kinematic[1]) + (is_kinematic[2] + is_kinematic[3]);
+            if is_first {
+                let stays = L::and(zero.lt(lowest), (clearance + clearance).lt(ends[0] + ends[1]));
+                let is_free = L::eq(kinematic_corners, zero);
+                let clear = L::bits(L::and(is_free, stays)) & near;
+                found.clear[index] |= clear << first;
+                near &= !clear;
+                if near == 0 {
+                    continue;
+                }
+            }
             let has_kinematic = if may_slide { L::bits(zero.lt(kinematic_corners)) } else { 0 };
             // Two kinematic sides may also move into each other.
             let mut passed_by = (shift_from_second + shift_from_first - clearance - clearance).max(zero);

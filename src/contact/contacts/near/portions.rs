@@ -176,12 +176,18 @@ pub(crate) struct Truncation {
     pub beyond: Vec<(u32, Vec4)>,
     /// The corners of pairs whose plane has passed a vertex: see [`crate::contact::contacts::pinches`].
     pub passed: Vec<[u32; 4]>,
+    /// The lanes of each block, one bit each, with pairs that are clear, and with those that were until a corner was shortened.
+    pub clear: Vec<u32>,
+    pub held: Vec<u32>,
 }
 
 impl Truncation {
-    pub(crate) fn clear(&mut self) {
+    /// Begins anew, with this many blocks.
+    pub(crate) fn begin(&mut self, blocks: usize) {
         self.shares.clear();
         self.beyond.clear();
         self.passed.clear();
+        self.clear.clear();
+        self.clear.resize(blocks, 0);
     }
 }
