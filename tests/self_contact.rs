@@ -212,6 +212,30 @@ fn two_sheets_collide() {
     }
 }
 
+/// A sheet that swings down from an edge, and one that spins without gravity, keep their speed with few substeps, in which
+/// vertices move by most of a cell: what only moves along with the cloth around it is not held.
+#[test]
+fn what_moves_fast_is_not_slowed_down_by_its_neighbors() {
+    let kinetic_energy = |contact: Option<Contact>, spins: bool| {
+        let mut scene = Scene::new(Mesh::grid(31, 31, 1.0, 1.0), 5, Vec::new());
+        scene.options.contact = contact;
+        scene.options.pinned = if spins { Vec::new() } else { (0..31).collect() };
+        let mut deformer = scene.deformer();
+        if spins {
+            scene.attributes.gravity = Vec3::ZERO;
+            let spinning: Vec<Vec3> = scene.mesh.positions.iter().map(|x| (8.0 * Vec3::Y).cross(*x)).collect();
+            deformer.set_state(&scene.mesh.positions, &spinning).unwrap();
+        }
+        play(&mut deformer, 27, &scene.attributes);
+        deformer.measure().unwrap().kinetic_energy
+    };
+    for spins in [false, true] {
+        let (without, with) = (kinetic_energy(None, spins), kinetic_energy(Some(Contact::default()), spins));
+        println!("spins {spins}: {without} J without contact, {with} J with it");
+        assert!((with / without - 1.0).abs() < 1e-3, "spins {spins}: {without} and {with} J");
+    }
+}
+
 /// A small sheet on a large one that is held at a slope of so many degrees: its speed (m/s) and distance (m) after some
 /// seconds.
 fn incline(degrees: f32, seconds: f32) -> (f64, f64) {

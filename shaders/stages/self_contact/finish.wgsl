@@ -26,7 +26,8 @@ fn finish(
         let w = abs(vertices[i].x.w);
         var u = vertices[i].u.xyz;
         var push = vertices[i].push.xyz;
-        let share = bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE]));
+        let cut = bitcast<f32>(atomicLoad(&sums[SUMS * i + CUT]));
+        let share = min(bitcast<f32>(atomicLoad(&sums[SUMS * i + SHARE])), 1.0 - cut);
         if share < 1.0 {
             let base = contact_state.status.mean + by_turning(vertices[i].x.xyz);
             let after = base + (u - base) * share;

@@ -181,6 +181,9 @@ struct Status {
     squeezed: atomic<u32>,
     // Whether a vertex was pushed out of colliders by more than the thickness in this step (1 or 0). It may jump over others.
     jumped: atomic<u32>,
+    // Whether truncation shortens a displacement in this substep, and its second round one that the first one has not (1 or 0).
+    shortens: atomic<u32>,
+    cuts_more: atomic<u32>,
 }
 
 // There is room for so many pairs that are pinched. There may be more.
@@ -223,7 +226,8 @@ const RUN_OVER: u32 = 32u;
 
 // Number of integers per vertex, and their indices: the sum of weights, three for impulses, three for corrections, and the bits
 // of the share that truncation leaves. After the response, the first four tell how far truncation finds the vertex beyond planes
-// (the sum of squares, and a vector); between `finish` and the end of the substep the first is `LEADER` of carry.wgsl.
+// (the sum of squares, and a vector), and the fifth, as bits, which share the second round of truncation takes from it; between
+// `finish` and the end of the substep the first is `LEADER` of carry.wgsl.
 const SUMS: u32 = 8u;
 const WEIGHT: u32 = 0u;
 const IMPULSE: u32 = 1u;
@@ -231,6 +235,7 @@ const PUSHED: u32 = 4u;
 const SHARE: u32 = 7u;
 const SQUARES: u32 = 0u;
 const BEYOND: u32 = 1u;
+const CUT: u32 = 4u;
 // The integers that represent a weight of 1, and a length of one thickness.
 const UNIT_WEIGHT: f32 = 262144.0;
 const UNIT_LENGTH: f32 = 8388608.0;

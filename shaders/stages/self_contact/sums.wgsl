@@ -26,4 +26,8 @@ fn begin_truncation(i: u32, most: f32) {
     let share = select(1.0, most / length(way), length(way) > most && vertices[i].x.w > 0.0);
     vertices[i].way = vec4f(without_turning(way), most);
     atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(share));
+    atomicStore(&sums[SUMS * i + CUT], 0);
+    if share < 1.0 {
+        atomicStore(&contact_state.status.shortens, 1u);
+    }
 }

@@ -2,6 +2,12 @@
 
 // Whether displacements are truncated once more in a substep, because vertices slide or were carried.
 override AGAIN: bool = false;
+// Pairs are held in three rounds: those that are not clear, those that were until a corner was shortened, and then all if that
+// has shortened others.
+override ROUND: u32 = 0u;
+
+// More than any height [m].
+const FAR: f32 = 3e38;
 
 // The number of pairs with a normal impulse that a workgroup counts.
 var<workgroup> pressing: atomic<u32>;
@@ -41,6 +47,13 @@ fn truncate_pair(n: Near) {
     // if both sides push, by the difference.
     let w = vec4f(a.w, b.w, c.w, d.w);
     let is_kinematic = w <= vec4f();
+    if is_clear(heights, towards, firsts, clearance) && !any(is_kinematic) {
+        if ROUND == 0u || (ROUND == 1u && !is_shortened(n.corners)) {
+            return;
+        }
+    } else if ROUND > 0u {
+        return;
+    }
     let out = select(vec4f(), max(clearance - (heights - towards), vec4f()), is_kinematic);
     let shift_from_first = most_of(out * firsts);
     let shift_from_second = most_of(out * (1.0 - firsts));
@@ -67,13 +80,46 @@ fn truncate_pair(n: Near) {
     }
 }
 
+// Whether a plane that moves along with a pair stays between its sides.
+fn is_clear(heights: vec4f, towards: vec4f, firsts: vec4f, clearance: f32) -> bool {
+    let ends = heights - towards;
+    let of_firsts = least_of(select(vec4f(FAR), ends, firsts > vec4f()));
+    let of_seconds = least_of(select(ends, vec4f(FAR), firsts > vec4f()));
+    return least_of(heights) > 0.0 && of_firsts + of_seconds > 2.0 * clearance;
+}
+
+// Whether the first round has shortened a corner of a pair without kinematic ones.
+fn is_shortened(corners: vec4u) -> bool {
+    return share_of(corners.x) < 1.0 || share_of(corners.y) < 1.0 || share_of(corners.z) < 1.0 || share_of(corners.w) < 1.0;
+}
+
+fn share_of(v: u32) -> f32 {
+    return bitcast<f32>(atomicLoad(&sums[SUMS * v + SHARE]));
+}
+
+fn least_of(v: vec4f) -> f32 {
+    return min(min(v.x, v.y), min(v.z, v.w));
+}
+
 fn most_of(v: vec4f) -> f32 {
     return max(max(v.x, v.y), max(v.z, v.w));
 }
 
+// The second round leaves the shares alone that it reads, and notes what it cuts.
 fn truncate_vertex(v: u32, w: f32, share: f32) {
-    if share < 1.0 && w > 0.0 {
-        atomicMin(&sums[SUMS * v + SHARE], bitcast<i32>(share));
+    if !(share < 1.0 && w > 0.0) {
+        return;
+    }
+    if ROUND == 1u {
+        atomicMax(&sums[SUMS * v + CUT], bitcast<i32>(1.0 - share));
+        if share_of(v) == 1.0 {
+            atomicStore(&contact_state.status.cuts_more, 1u);
+        }
+        return;
+    }
+    atomicMin(&sums[SUMS * v + SHARE], bitcast<i32>(share));
+    if atomicLoad(&contact_state.status.shortens) == 0u {
+        atomicStore(&contact_state.status.shortens, 1u);
     }
 }
 
@@ -98,19 +144,24 @@ fn truncate(
 ) {
     let acting = acting_pairs(lane);
     if lane == 0u {
-        let skips = is_idle() || (AGAIN && atomicLoad(&contact_state.status.again) == 0u);
+        var skips = is_idle() || (AGAIN && atomicLoad(&contact_state.status.again) == 0u);
+        skips |= ROUND > 0u && atomicLoad(&contact_state.status.shortens) == 0u;
+        skips |= ROUND > 1u && atomicLoad(&contact_state.status.cuts_more) == 0u;
         total = select(acting + atomicLoad(&contact_state.status.near), 0u, skips);
         with_vertices = atomicLoad(&contact_state.status.with_vertices);
         atomicStore(&pressing, 0u);
     }
     let all = workgroupUniformLoad(&total);
+    if ROUND == 0u && item(id, groups) == 0u {
+        atomicStore(&contact_state.status.cuts_more, 0u);
+    }
     var mine = 0u;
     var squeezed = 0u;
     for (var k = item(id, groups); k < all; k += stride(groups)) {
         let acts = k < acting;
         let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
         truncate_pair(n);
-        if acts && !AGAIN {
+        if acts && !AGAIN && ROUND == 0u {
             pairs[place(n.listed)].lambda = n.lambda;
             mine += u32(n.lambda.w > 0.0);
             squeezed += u32(n.thickness - n.distance > SQUEEZED * n.thickness && any(inverse_masses(n.corners) == vec4f()));

@@ -90,8 +90,8 @@ impl GpuContact {
             let apply_impulses = if iteration < ITERATIONS { &stages.apply_impulses } else { &stages.apply_impulses_last };
             apply_impulses.dispatch(pass, group, &[], vertices);
         }
-        let truncate = |pass: &mut ComputePass<'_>, [truncate, finish]: &[Stage; 2]| {
-            truncate.dispatch(pass, group, &[], items);
+        let truncate = |pass: &mut ComputePass<'_>, [first, next, last, finish]: &[Stage; 4]| {
+            [first, next, last].into_iter().for_each(|round| round.dispatch(pass, group, &[], items));
             finish.dispatch(pass, group, &[], vertices);
         };
         truncate(pass, &stages.truncate);

@@ -52,9 +52,10 @@ pub(super) struct Stages {
     pub apply_impulses_first: Stage,
     pub apply_impulses: Stage,
     pub apply_impulses_last: Stage,
-    /// `truncate` and `finish`, and both once more: used with mesh colliders, and as often as more vertices may be carried.
-    pub truncate: [Stage; 2],
-    pub truncate_again: [Stage; 2],
+    /// The rounds of `truncate`, and `finish`; and all once more: used with mesh colliders, and as often as more vertices may be
+    /// carried.
+    pub truncate: [Stage; 4],
+    pub truncate_again: [Stage; 4],
     pub carry: Stage,
     pub give_back: Stage,
     /// Used if there are kinematic vertices.
@@ -75,10 +76,12 @@ impl Stages {
         let of_vertices = [VERTICES, SUMS, CONTACT_STATE, BODIES];
         let by_begin = [X, VERTICES, TRACKS, SUMS, CONTACT_STATE, BODIES, X_OUT, P_OUT];
         let truncate = |again| {
+            let by_truncate = [VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE];
             let of_pairs =
-                stage_with(shaders::TRUNCATION, "truncate", &[VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE], &[("AGAIN", again)]);
+                |round| stage_with(shaders::TRUNCATION, "truncate", &by_truncate, &[("AGAIN", again), ("ROUND", round)]);
             let by_finish = [VERTICES, SUMS, CONTACT_STATE, X_OUT, P_OUT];
-            [of_pairs, stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", again)])]
+            let finish = stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", again)]);
+            [of_pairs(0.0), of_pairs(1.0), of_pairs(2.0), finish]
         };
         Stages {
             start: has_meshes.then(|| {

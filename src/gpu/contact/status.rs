@@ -52,7 +52,9 @@ pub(crate) struct Status {
     pub needed_carry: u32,
     pub squeezed: u32,
     pub jumped: u32,
-    pub padding: [u32; 3],
+    pub shortens: u32,
+    pub cuts_more: u32,
+    pub padding: u32,
 }
 
 impl Status {
