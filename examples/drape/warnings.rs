@@ -35,7 +35,7 @@ pub(crate) fn describe(warning: Warning, sixtieths: f32, untangles: bool) -> Str
                 Cause::Wind => "by the wind",
                 Cause::Slivers => "by edges a hundred times shorter than their triangles",
                 Cause::Crossings => "where it crosses itself or a body",
-                Cause::Squeezed => "where bodies leave it less room than its thickness",
+                Cause::Squeezed => "where bodies or pins leave it less room than its thickness",
                 _ => "by its weight or motion, or between what holds it",
             };
             let remedy = match cause {

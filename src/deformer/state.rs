@@ -80,6 +80,8 @@ impl Deformer {
 
     /// Sets the state: positions (m) and velocities (m/s), one per vertex, in the mesh's order. Pins are held where
     /// this puts them; the velocities of pins only say how fast targets led them here. The rest shape does not change.
+    /// The velocities are taken as of the time of the positions. Those of [`Deformer::velocities`] are half a substep older, so
+    /// that setting them again loses what accelerates the cloth in that time: to continue a motion, use [`Deformer::snapshot`].
     /// Colliders are forgotten: those of the next step have no velocity unless [`Deformer::place_colliders`] is called again.
     ///
     /// # Errors

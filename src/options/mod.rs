@@ -106,6 +106,10 @@ pub enum Method {
 
 /// Corrections on coarse versions of the cloth before each sweep, which keep the strain from growing with the number of
 /// vertices. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
+///
+/// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack: small swings are
+/// damped, the second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more, and a
+/// narrow strip that hangs from its end curls lengthwise. Where that matters, turn them [`Off`](Levels::Off) and take more substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {
