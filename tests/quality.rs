@@ -409,7 +409,7 @@ fn a_common_motion_takes_no_substeps() {
 fn cloth_without_pins_rides_along() {
     let mut mesh = Mesh::grid(24, 24, 1.0, 1.0);
     mesh.positions.iter_mut().for_each(|x| x.y = 0.02);
-    let ride = |velocity: Vec3, contact: Option<Contact>| {
+    let ride = |velocity: Vec3, contact: Option<Contact>, is_hit: bool| {
         let options = Options { backend: Backend::Cpu, fabric: Fabric::COTTON, contact, ..Options::default() };
         let mut blanket = Deformer::new(&mesh, options).unwrap();
         blanket.set_state(&mesh.positions, &vec![velocity; mesh.positions.len()]).unwrap();
@@ -418,7 +418,9 @@ fn cloth_without_pins_rides_along() {
         let colliders = |frame: u32| {
             let at = velocity * (frame as f32 * dt);
             let seat = Collider::rounded_box(at, Vec3::new(0.2, 0.015, 0.2), Quat::IDENTITY, 0.01);
-            vec![Collider::plane(at, Vec3::Y), seat]
+            // It arrives from the front, after a third of a second.
+            let ball = Collider::sphere(at + Vec3::new(2.4 - 5.0 * frame as f32 * dt, 0.1, 0.0), 0.2);
+            [vec![Collider::plane(at, Vec3::Y), seat], if is_hit { vec![ball] } else { Vec::new() }].concat()
         };
         blanket.place_colliders(&colliders(0)).unwrap();
         let mut step = |frame: u32| {
@@ -432,9 +434,9 @@ fn cloth_without_pins_rides_along() {
         (substeps, warnings, positions)
     };
     for contact in [None, Some(Contact::default())] {
-        let (still, _, at_rest) = ride(Vec3::ZERO, contact);
+        let (still, _, at_rest) = ride(Vec3::ZERO, contact, false);
         for speed in [8.0, 32.0, 128.0] {
-            let (riding, warnings, positions) = ride(Vec3::X * speed, contact);
+            let (riding, warnings, positions) = ride(Vec3::X * speed, contact, false);
             let apart = rms(&at_rest, &positions);
             println!("{speed} m/s: {riding} substeps of {still}, {warnings} warnings, {apart} m apart");
             assert!(
@@ -443,6 +445,24 @@ fn cloth_without_pins_rides_along() {
             );
         }
     }
+    // What hits it is near on the road, too.
+    let (still, riding) = (ride(Vec3::ZERO, None, true).0, ride(Vec3::X * 32.0, None, true).0);
+    println!("hit by a ball: {still} substeps, and {riding} on the road");
+    assert!((0.9..1.2).contains(&(f64::from(riding) / f64::from(still))), "{riding} of {still}");
+}
+
+/// Cloth that is caught in flight takes the substeps that its speed demands, in that step already.
+#[test]
+fn what_is_caught_takes_substeps() {
+    let mesh = Mesh::grid(24, 24, 1.0, 1.0);
+    let mut towel = Deformer::new(&mesh, Options { backend: Backend::Cpu, ..Options::default() }).unwrap();
+    towel.set_state(&mesh.positions, &vec![Vec3::X * 24.0; mesh.positions.len()]).unwrap();
+    let step = |towel: &mut Deformer| towel.step(FRAME, &Attributes::default()).unwrap().substeps;
+    let flying = (0..10).map(|_| step(&mut towel)).last().unwrap();
+    towel.set_pinned(vec![0]).unwrap();
+    let caught = step(&mut towel);
+    println!("{flying} substeps, {caught} when it is caught");
+    assert!(caught >= 4 * flying, "{flying} and {caught}");
 }
 
 /// What is thrown takes few substeps while it flies, and more before it hits what stands still, because it moves towards that.

@@ -306,9 +306,7 @@ impl TriangleContact {
         self.max_carry = input.max_carry;
         if self.contacts.has_near() {
             self.contacts.finish(x, u, push, workers);
-            // Only a cloth without kinematic vertices gets its momentum back, because it must not move relative to them.
-            // Colliders stop it in the next substep if it touches them.
-            if lost != DVec3::ZERO && common_motion.is_none() {
+            if lost != DVec3::ZERO && common_motion.is_none() && returns_momentum(plan) {
                 give_back(plan.cloth, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();
@@ -359,6 +357,13 @@ fn mean(cloth: &Cloth, u: &[Vec4]) -> Vec3A {
 /// The mass (kg) of each vertex; 0 if it is not free.
 fn free_masses(cloth: &Cloth) -> impl Iterator<Item = f32> {
     cloth.mass.iter().zip(&cloth.rest).map(|(&mass, rest)| if rest.w > 0.0 { mass } else { 0.0 })
+}
+
+/// Whether momentum that truncation removes is returned to the cloth as a whole. Not if it has kinematic vertices, because it
+/// must not move relative to them. Colliders stop it in the next substep if it touches them, but not those of its parts that
+/// are elsewhere.
+pub(crate) fn returns_momentum(plan: &Plan<'_>) -> bool {
+    !plan.cloth.has_pins() && plan.meshes.is_empty() && (plan.bodies.is_empty() || plan.cloth.parts == 1)
 }
 
 /// Returns lost momentum (kg m) to the cloth by a uniform displacement.

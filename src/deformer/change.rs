@@ -87,8 +87,11 @@ impl Deformer {
         let place: Vec<Option<usize>> = cloth.pinned.iter().map(|&vertex| before[vertex as usize]).collect();
         let at = |(place, &vertex): (&Option<usize>, &u32)| place.map_or(x[vertex as usize].truncate(), |place| pins[place]);
         let pins = place.iter().zip(&cloth.pinned).map(at).collect();
-        let velocity = |place: &Option<usize>| place.map_or(Vec3::ZERO, |place| pin_velocities[place]);
-        let pin_velocities = match pin_velocities.is_empty() {
+        // The first pins of cloth that moves as a whole stop it.
+        let course = if self.cloth.has_pins() { Vec3::ZERO } else { self.motion.course };
+        let velocity =
+            |place: &Option<usize>| place.map_or(course, |place| pin_velocities.get(place).copied().unwrap_or_default());
+        let pin_velocities = match pin_velocities.is_empty() && course == Vec3::ZERO {
             true => Vec::new(),
             false => place.iter().map(velocity).collect(),
         };

@@ -124,8 +124,10 @@ impl Deformer {
             self.motion.course = Vec3::ZERO;
             return None;
         }
+        let mut dropped = 0.0;
         if self.engine.contact().is_some() {
             // Such a step waits for its own statistics; those of earlier ones are dropped.
+            dropped = self.late();
             self.awaiting_statistics.clear();
         }
         self.awaiting_statistics.push_back(decision);
@@ -137,7 +139,7 @@ impl Deformer {
             warnings.extend(self.learn(&decision, strain_bound, seen, holds));
         }
         if let Some(before) = self.seen.replace(*seen) {
-            self.motion.observe([&before, seen], decision.dt);
+            self.motion.observe([&before, seen], dropped + decision.dt);
         }
         let share = seen.stretch_of(f64::from(strain_bound.map_or(Quality::MOST_OF_THE_AREA, |strain_bound| strain_bound.share)));
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })

@@ -30,10 +30,10 @@ impl Deformer {
     pub(super) fn watch_for_sleep(&mut self, dt: f32, attributes: &Attributes, seen: Option<&Statistics>) {
         let Some(sleep) = self.options.sleep else { return };
         let late = self.late();
-        // Speeds are counted relative to the course.
-        let falls = self.motion.course != Vec3::ZERO;
+        // Without pins, speeds are counted relative to the course.
+        let travels = self.motion.course != Vec3::ZERO;
         let moves =
-            |seen: &Statistics| falls || seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
+            |seen: &Statistics| travels || seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
         let Stillness { attributes: last, time } = &mut self.still;
         *time = match last == attributes {
             true if seen.is_none_or(moves) => 0.0,
@@ -59,7 +59,7 @@ impl Deformer {
     }
 
     /// The duration (s) of the steps whose statistics have not arrived: on a GPU the last three.
-    fn late(&self) -> f32 {
+    pub(super) fn late(&self) -> f32 {
         self.awaiting_statistics.iter().map(|decision| decision.dt).fold(0.0, |sum, dt| sum + dt)
     }
 }

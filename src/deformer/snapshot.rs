@@ -221,6 +221,7 @@ impl Deformer {
             && x.iter().chain(p).all(|v| is_bounded(*v))
             && motion.h >= 0.0
             && motion.dt >= 0.0
+            && motion.course.is_finite()
             && motion.pins.len() == pins
             && [0, pins].contains(&motion.pin_velocities.len())
             && awaiting_statistics.len() == engine.pending.len()

@@ -44,7 +44,7 @@ pub(crate) struct StrainGauge {
 pub(crate) struct Statistics {
     /// Area by stretch, in units of 1/[`WHOLE`].
     pub stretch: [u32; CLASSES],
-    /// Number of free vertices by speed.
+    /// Number of free vertices by speed relative to the drift ([`Params::drift`](crate::kernels::params::Params)).
     pub speed: [u32; CLASSES],
     /// Mean stretch of the area, in units of 1/[`ONE`]; stretches beyond [`MOST`] count as that.
     pub mean_stretch: u32,
@@ -52,7 +52,7 @@ pub(crate) struct Statistics {
     pub worst_stretch: u32,
     /// Sum of `min((v / SLOW)², 1)` over the free vertices, in units of 1/[`SLOW_PARTS`].
     pub slow: u32,
-    /// The largest speed (m/s), as the bits of an f32.
+    /// The largest such speed (m/s), as the bits of an f32.
     pub fastest: u32,
     /// The lowest corner of the vertices' bounding box (m), as [`ordered`] numbers.
     pub low: [u32; 3],

@@ -61,6 +61,8 @@ pub(crate) struct Cloth {
     pub extents: DVec3,
     /// How far (m) any part spans between what holds it ([`extents`](crate::model::extents)).
     pub extent: f64,
+    /// Number of connected parts.
+    pub parts: usize,
     /// Length of the longest edge (m).
     pub longest: f32,
     /// Membrane stiffness K (N/m) of the fabric times the factor of its firm edges ([`firm`]), which is 1 for most cloth.
@@ -176,7 +178,7 @@ impl Cloth {
             let stiffness = if shape == 0.0 { 0.0 } else { stretch * shape };
             links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
-        let Extents { extents, extent } = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
+        let Extents { extents, extent, parts } = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
         let colors = sort_by_color(&mut links, &rest, &inverse_mass, &in_shell);
         let bending_scale =
             options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
@@ -196,6 +198,7 @@ impl Cloth {
             sides,
             extents,
             extent,
+            parts,
             longest: longest as f32,
             stretch,
             firm,
@@ -238,8 +241,8 @@ impl Cloth {
             Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass, &self.in_shell),
             _ => self.colors.clone(),
         };
-        let Extents { extents, extent } = match change {
-            Change::Stiffness => Extents { extents: self.extents, extent: self.extent },
+        let Extents { extents, extent, parts } = match change {
+            Change::Stiffness => Extents { extents: self.extents, extent: self.extent, parts: self.parts },
             _ => extents(&positions[..self.used], &links, |vertex| inverse_mass[vertex as usize] == 0.0),
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
@@ -255,6 +258,7 @@ impl Cloth {
             density,
             extents,
             extent,
+            parts,
             stretch,
             bending_scale: self.bending_scale.clone(),
             panels: OnceLock::new(),

@@ -18,6 +18,8 @@ pub(crate) struct Extents {
     /// How far (m) any part spans: twice the longest way along edges to the nearest pin, or across its bounding box if that
     /// is less.
     pub extent: f64,
+    /// Number of connected parts.
+    pub parts: usize,
 }
 
 /// The extents of a cloth, part by part: cloths that share a mesh stretch as each alone would, and a curtain on many
@@ -36,10 +38,14 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
         let across = sides.max_element();
         // Cloth that is held on two sides hangs from both. A part without pins has infinite distances, if any.
         let extent = if distance.is_empty() { across } else { across.min(2.0 * farthest) };
-        Extents { extents: sides.min(DVec3::splat(extent)), extent }
+        Extents { extents: sides.min(DVec3::splat(extent)), extent, parts: usize::from(!vertices.is_empty()) }
     });
-    let none = Extents { extents: DVec3::ZERO, extent: 0.0 };
-    extents.fold(none, |a, b| Extents { extents: a.extents.max(b.extents), extent: a.extent.max(b.extent) })
+    let none = Extents { extents: DVec3::ZERO, extent: 0.0, parts: 0 };
+    extents.fold(none, |a, b| Extents {
+        extents: a.extents.max(b.extents),
+        extent: a.extent.max(b.extent),
+        parts: a.parts + b.parts,
+    })
 }
 
 /// The length (m) of the shortest way along edges from each vertex to a pin (Dijkstra 1959); infinite if there is none.

@@ -135,7 +135,7 @@ pub enum Warning {
     ColliderOutruns {
         /// Its position in the list [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
-        /// Its speed (m/s), relative to the mean of the pins where that is slower.
+        /// Its speed (m/s), relative to the mean of the pins, or to cloth without any, where that is slower.
         speed: f32,
         /// The highest speed (m/s) that the substeps can carry: one edge length, or one thickness, per substep.
         carried: f32,

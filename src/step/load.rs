@@ -40,8 +40,8 @@ recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pr
 pub(crate) struct Fastest {
     /// Of the pins, relative to their mean velocity in the last step if the cloth goes along with that.
     pub pin: (usize, f64),
-    /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins where
-    /// that is slower.
+    /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins, or to the
+    /// course of cloth without any, where that is slower.
     pub collider: (usize, f64),
     pub solid: (usize, f64),
     /// The largest speed (m/s) at which the cloth, on its course, and a collider that it may touch move relative to each other.
@@ -81,7 +81,7 @@ impl Fastest {
             let speed = way.min(relative) / dt;
             // Pins hold the cloth back from what is still; without any it may run into that, if it is known to be near.
             let (meets, reach) = match seen {
-                Some(_) if !cloth.has_pins() => (relative / dt, relative),
+                Some(_) if !cloth.has_pins() => (relative / dt, way.max(relative)),
                 _ => (speed, way),
             };
             if (speed > fastest.solid.1 || meets > fastest.meets) && is_near(cloth, now, reach, dt, seen) {
@@ -184,7 +184,7 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     f64::from(change) / f64::from(apart)
 }
 
-/// Whether a collider that moves by `travel` (m) relative to the cloth's course may touch the cloth during a step of `dt` (s). True if nothing is
+/// Whether a collider that moves by `travel` (m), or so far relative to the cloth's course if that is more, may touch the cloth during a step of `dt` (s). True if nothing is
 /// known about the cloth yet.
 fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
     seen.is_none_or(|seen| {
@@ -217,7 +217,10 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
                 })
             };
             // How far it moves takes longer to find out than the rest.
-            let way = || travel(&now.shape, &last.shape, course * dt);
+            let way = || {
+                let [alone, relative] = [Vec3::ZERO, course * dt].map(|by| travel(&now.shape, &last.shape, by));
+                alone.max(relative)
+            };
             let may_touch = seen.is_none() || is_near(cloth, now, way(), f64::from(dt), seen);
             may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }

@@ -30,7 +30,7 @@ pub(crate) struct Motion {
 recorded!(Motion { dt, h, colliders, pins, pin_velocities, course });
 
 /// Cloth that moves no faster (m/s) than this as a whole counts as staying where it is.
-const SLOW: f32 = 1.0;
+const LEAST_COURSE: f32 = 1.0;
 
 impl Motion {
     /// After a state in the cloth's order, reached by substeps of `h` (s); 0 if the state was set.
@@ -96,7 +96,7 @@ impl Motion {
 
     /// Sets the course (m/s), unless it is slow.
     pub(crate) fn set_course(&mut self, course: Vec3) {
-        self.course = if course.is_finite() && course.length() > SLOW { course } else { Vec3::ZERO };
+        self.course = if course.is_finite() && course.length() > LEAST_COURSE { course } else { Vec3::ZERO };
     }
 
     /// Records the targets that the pins followed in a step of `dt` (s).

@@ -7,7 +7,7 @@ use super::*;
 
 fn extents_of(mesh: &Mesh, pinned: &[u32]) -> Extents {
     let cloth = Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..Options::default() }).unwrap();
-    Extents { extents: cloth.extents, extent: cloth.extent }
+    Extents { extents: cloth.extents, extent: cloth.extent, parts: cloth.parts }
 }
 
 fn assert_near(found: Extents, sides: [f64; 3], extent: f64) {
@@ -34,6 +34,7 @@ fn cloths_that_share_a_mesh_reach_as_far_as_each() {
     both.positions.extend(one.positions.iter().map(|x| *x + Vec3::X * 100.0));
     both.triangles.extend(one.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + 121)));
     assert_near(extents_of(&both, &[]), [1.0, 0.0, 1.0], 1.0);
+    assert_eq!([extents_of(&one, &[]), extents_of(&both, &[])].map(|found| found.parts), [1, 2]);
     // One that is not pinned counts as a whole, and one that is pinned everywhere not at all.
     let hung: Vec<u32> = (0..121).collect();
     assert_near(extents_of(&one, &hung), [0.0, 0.0, 0.0], 0.0);

@@ -47,11 +47,11 @@ fn truncate_pair(n: Near) {
     // if both sides push, by the difference.
     let w = vec4f(a.w, b.w, c.w, d.w);
     let is_kinematic = w <= vec4f();
-    if is_clear(heights, towards, firsts, clearance) && !any(is_kinematic) {
-        if ROUND == 0u || (ROUND == 1u && !is_shortened(n.corners)) {
-            return;
-        }
-    } else if ROUND > 0u {
+    // Which pairs are clear is decided in the first round only, because kernels may round differently. Holding others again
+    // changes nothing.
+    let is_free = !any(is_kinematic);
+    let is_left = ROUND == 0u && is_free && is_clear(heights, towards, firsts, clearance);
+    if is_left || (ROUND > 0u && !is_free) || (ROUND == 1u && !is_shortened(n.corners)) {
         return;
     }
     let out = select(vec4f(), max(clearance - (heights - towards), vec4f()), is_kinematic);
@@ -145,6 +145,8 @@ fn truncate(
     let acting = acting_pairs(lane);
     if lane == 0u {
         var skips = is_idle() || (AGAIN && atomicLoad(&contact_state.status.again) == 0u);
+        // What slides is truncated again.
+        skips |= ROUND > 0u && !AGAIN && atomicLoad(&contact_state.status.again) > 0u;
         skips |= ROUND > 0u && atomicLoad(&contact_state.status.shortens) == 0u;
         skips |= ROUND > 1u && atomicLoad(&contact_state.status.cuts_more) == 0u;
         total = select(acting + atomicLoad(&contact_state.status.near), 0u, skips);

@@ -10,8 +10,8 @@
 //! spins by a third of a cell in a substep would be slowed down by its own neighbors. So a pair is [clear](Shares) if it stays
 //! apart where its corners go, and its plane holds only pairs that are not, and then those of which a corner was shortened, until
 //! there are no more. Pairs that are not near need no plane: truncation lets no vertex move farther than it was about to before the
-//! response, apart from an allowance ([`FARTHER`]). The momentum that truncation removes is returned to the cloth as a whole if
-//! it has no kinematic vertices, else crumpled cloth would drive itself, and hover.
+//! response, apart from an allowance ([`FARTHER`]). The momentum that truncation removes is returned to the cloth as a whole where
+//! [possible](crate::contact::returns_momentum), else crumpled cloth would drive itself, and hover.
 //!
 //! One factor shortens a displacement along the plane, too, so cloth that is pressed against a mesh body would stick to it whatever
 //! the friction. Therefore a displacement first loses what leads it beyond the planes of pairs with a kinematic side: it slides.
@@ -33,8 +33,9 @@ use crate::simd::{self, Loop, MAX_LANES, Registers};
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
 /// [`Vertex::half_gap`](crate::contact::input::Vertex::half_gap).
 pub(crate) const FARTHER: f32 = 0.45;
-/// Rounds in which the pairs are held that a shortened corner no longer leaves clear. In the last one all are.
-const ROUNDS: usize = 4;
+/// Rounds in which the pairs are held that a shortened corner no longer leaves clear. In the last one all are. (On the GPU there
+/// are two, of which the last is needed only if the one before has shortened others.)
+const HOLDING_ROUNDS: usize = 4;
 
 impl Contacts {
     /// Shortens the displacements of vertices. Returns the momentum (kg m) that this removes from a cloth that nothing holds.
@@ -78,12 +79,11 @@ impl Contacts {
     /// Computes the share of each vertex's displacement that is left.
     fn find_shares(&mut self, input: ContactInput<'_>) {
         self.begin_shares(input);
-        self.shorten(input, true);
-        for round in 1..=ROUNDS {
-            if self.shares.iter().all(|&share| share == 1.0) || !self.hold_more(round == ROUNDS) {
+        for round in 0..=HOLDING_ROUNDS {
+            let has_held = self.shorten(input, round);
+            if !has_held || self.shares.iter().all(|&share| share == 1.0) {
                 break;
             }
-            self.shorten(input, false);
         }
     }
 
@@ -107,50 +107,35 @@ impl Contacts {
         }
     }
 
-    /// Chooses the pairs that planes hold from now on: those that were clear and have a corner that is shortened, or all. Returns
-    /// whether there are any.
-    fn hold_more(&mut self, all: bool) -> bool {
-        let Contacts { portions, used, shares, .. } = self;
-        let mut any = 0;
-        for portion in &mut portions[..*used] {
-            let mut found = std::mem::take(&mut portion.truncation);
-            found.held.clear();
-            for (block, clear) in portion.blocks().zip(&mut found.clear) {
-                let is_shortened = |lane: &usize| block.corners[*lane].iter().any(|&corner| shares[corner as usize] < 1.0);
-                let lanes = (0..MAX_LANES).filter(|lane| *clear >> lane & 1 != 0);
-                let held = if all { *clear } else { lanes.filter(is_shortened).fold(0, |held, lane| held | 1 << lane) };
-                *clear &= !held;
-                any |= held;
-                found.held.push(held);
-            }
-            portion.truncation = found;
-        }
-        any != 0
-    }
-
-    /// Shortens displacements by the planes of pairs: at first of those that are not clear, then of those that are held now.
-    fn shorten(&mut self, input: ContactInput<'_>, is_first: bool) {
+    /// Shortens displacements by the planes of pairs: in the first round of those that are not clear, in later ones of those that
+    /// were and have a corner that is shortened by now, and in the last of all others. Returns false if there are none.
+    fn shorten(&mut self, input: ContactInput<'_>, round: usize) -> bool {
         let Contacts { portions, used, relative, shares, .. } = self;
         let (workers, width) = (input.context.workers, input.context.width);
         let (may_slide, thickness) = (input.may_slide, input.surface.thickness);
         let (relative, portions): (&[Vec4], _) = (relative, &mut portions[..*used]);
+        let (is_first, so_far) = (round == 0, &*shares);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
                 let mut found = std::mem::take(&mut portion.truncation);
-                found.shares.clear();
                 if is_first {
                     found.begin(portion.blocks().count());
+                    portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
+                    portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
+                } else {
+                    found.hold_more(portion.blocks(), |corner| round == HOLDING_ROUNDS || so_far[corner as usize] < 1.0);
                 }
-                simd::run(width, Shares { portion, relative, may_slide, thickness, is_first, found: &mut found });
+                if is_first || found.holds() {
+                    simd::run(width, Shares { portion, relative, may_slide, thickness, is_first, found: &mut found });
+                }
                 portion.truncation = found;
-                portion.near = portion.blocks().map(|block| block.near.count_ones()).sum();
-                portion.pressing = portion.groups.iter().map(|group| group.pressing() as u32).sum();
             }
         });
         for &(vertex, share) in portions.iter().flat_map(|portion| &portion.truncation.shares) {
             let least = &mut shares[vertex as usize];
             *least = least.min(share);
         }
+        is_first || portions.iter().any(|portion| portion.truncation.holds())
     }
 }
 

@@ -5,7 +5,7 @@ use super::kernel_choice::Response;
 use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
 use crate::contact::device::table::ContactParams;
-use crate::contact::{ITERATIONS, ROUNDS};
+use crate::contact::{ITERATIONS, ROUNDS, returns_momentum};
 use crate::gpu::stage::{ComputePass, Stage};
 use crate::step::plan::Plan;
 
@@ -102,7 +102,7 @@ impl GpuContact {
             stages.carry.dispatch_workgroups(pass, group, &[], 1);
             truncate(pass, &stages.truncate_again);
         }
-        if !plan.cloth.has_pins() && plan.meshes.is_empty() {
+        if returns_momentum(plan) {
             stages.give_back.dispatch(pass, group, &[], vertices);
         }
         if plan.cloth.has_pins() || !plan.meshes.is_empty() {

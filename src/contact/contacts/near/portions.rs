@@ -187,7 +187,26 @@ impl Truncation {
         self.shares.clear();
         self.beyond.clear();
         self.passed.clear();
+        self.held.clear();
         self.clear.clear();
         self.clear.resize(blocks, 0);
+    }
+
+    /// Chooses the pairs to be held next: those that were clear and have a corner with this property.
+    pub(crate) fn hold_more<'a>(&mut self, blocks: impl Iterator<Item = &'a Block>, is_shortened: impl Fn(u32) -> bool) {
+        self.shares.clear();
+        self.held.clear();
+        for (block, clear) in blocks.zip(&mut self.clear) {
+            let lanes = (0..MAX_LANES).filter(|&lane| *clear >> lane & 1 != 0);
+            let held = lanes.filter(|&lane| block.corners[lane].iter().any(|&corner| is_shortened(corner)));
+            let held = held.fold(0, |held, lane| held | 1 << lane);
+            *clear &= !held;
+            self.held.push(held);
+        }
+    }
+
+    /// Whether any pairs are to be held now.
+    pub(crate) fn holds(&self) -> bool {
+        self.held.iter().any(|&lanes| lanes != 0)
     }
 }
