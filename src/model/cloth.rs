@@ -178,7 +178,8 @@ impl Cloth {
             let stiffness = if shape == 0.0 { 0.0 } else { stretch * shape };
             links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
-        let Extents { extents, extent, parts } = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
+        let Extents { sides: extents, extent, parts } =
+            extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
         let colors = sort_by_color(&mut links, &rest, &inverse_mass, &in_shell);
         let bending_scale =
             options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
@@ -241,8 +242,8 @@ impl Cloth {
             Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass, &self.in_shell),
             _ => self.colors.clone(),
         };
-        let Extents { extents, extent, parts } = match change {
-            Change::Stiffness => Extents { extents: self.extents, extent: self.extent, parts: self.parts },
+        let Extents { sides: extents, extent, parts } = match change {
+            Change::Stiffness => Extents { sides: self.extents, extent: self.extent, parts: self.parts },
             _ => extents(&positions[..self.used], &links, |vertex| inverse_mass[vertex as usize] == 0.0),
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();

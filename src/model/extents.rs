@@ -14,7 +14,7 @@ use crate::model::mesh::bounds;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Extents {
     /// The longest sides (m) of the bounding boxes of the connected parts along each axis, none above `extent`.
-    pub extents: DVec3,
+    pub sides: DVec3,
     /// How far (m) any part spans: twice the longest way along edges to the nearest pin, or across its bounding box if that
     /// is less.
     pub extent: f64,
@@ -38,14 +38,10 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
         let across = sides.max_element();
         // Cloth that is held on two sides hangs from both. A part without pins has infinite distances, if any.
         let extent = if distance.is_empty() { across } else { across.min(2.0 * farthest) };
-        Extents { extents: sides.min(DVec3::splat(extent)), extent, parts: usize::from(!vertices.is_empty()) }
+        Extents { sides: sides.min(DVec3::splat(extent)), extent, parts: usize::from(!vertices.is_empty()) }
     });
-    let none = Extents { extents: DVec3::ZERO, extent: 0.0, parts: 0 };
-    extents.fold(none, |a, b| Extents {
-        extents: a.extents.max(b.extents),
-        extent: a.extent.max(b.extent),
-        parts: a.parts + b.parts,
-    })
+    let none = Extents { sides: DVec3::ZERO, extent: 0.0, parts: 0 };
+    extents.fold(none, |a, b| Extents { sides: a.sides.max(b.sides), extent: a.extent.max(b.extent), parts: a.parts + b.parts })
 }
 
 /// The length (m) of the shortest way along edges from each vertex to a pin (Dijkstra 1959); infinite if there is none.

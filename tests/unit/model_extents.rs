@@ -7,11 +7,11 @@ use super::*;
 
 fn extents_of(mesh: &Mesh, pinned: &[u32]) -> Extents {
     let cloth = Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..Options::default() }).unwrap();
-    Extents { extents: cloth.extents, extent: cloth.extent, parts: cloth.parts }
+    Extents { sides: cloth.extents, extent: cloth.extent, parts: cloth.parts }
 }
 
 fn assert_near(found: Extents, sides: [f64; 3], extent: f64) {
-    let apart = (found.extents - DVec3::from(sides)).abs().max_element().max((found.extent - extent).abs());
+    let apart = (found.sides - DVec3::from(sides)).abs().max_element().max((found.extent - extent).abs());
     assert!(apart < 1e-5, "{found:?}, not {sides:?} and {extent}");
 }
 
