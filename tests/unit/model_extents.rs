@@ -46,5 +46,5 @@ fn a_wide_curtain_on_hooks_is_as_high_as_a_narrow_one() {
     let curtain = Mesh::grid(401, 11, 40.0, 1.0);
     let hooks: Vec<u32> = (0..401).step_by(10).collect();
     let found = extents_of(&curtain, &hooks);
-    assert!((2.0..3.2).contains(&found.extent) && found.extents.z > 0.999, "{found:?}");
+    assert!((2.0..3.2).contains(&found.extent) && found.sides.z > 0.999, "{found:?}");
 }
