@@ -3,11 +3,12 @@
 //! # Theory
 //! The method keeps the cloth free of intersections instead of resolving them afterwards. [`detection`] lists the pairs
 //! of features of the [`surface`] that may come closer than the thickness within some substeps, by a
-//! [`tree`](detection::tree), a [broad phase](detection::broad_phase) and a [narrow phase](detection::narrow_phase). The [`contacts`] of a substep are those of them that may do so in that substep
-//! ([`near`](contacts::near)), except for a vertex and a triangle beside which it is above another one
-//! ([`voronoi`](contacts::near::voronoi)). The [`response`](contacts::response) holds them apart by the thickness, with
-//! friction, and [`truncation`](contacts::truncation) then shortens displacements so that the two sides of a pair stay
-//! on their sides of a plane, whatever the response achieved.
+//! [`tree`](detection::tree), a [broad phase](detection::broad_phase) and a [narrow phase](detection::narrow_phase). The
+//! [`contacts`] of a substep are those of them that may do so in that substep ([`near`](contacts::near)), except for a vertex and
+//! a triangle beside which it is above another one ([`voronoi`](contacts::near::voronoi)). The
+//! [`response`](contacts::response) holds them apart by the thickness, with friction, and
+//! [`truncation`](contacts::truncation) then shortens displacements so that the two sides of a pair stay on their sides of a plane,
+//! whatever the response achieved.
 //!
 //! Detection assumes that vertices move along straight [`paths`](detection::paths), and is repeated when they leave them
 //! by more than a margin. Kinematic vertices (of pins and mesh bodies) cannot be truncated, so they carry the cloth that

@@ -184,8 +184,8 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     f64::from(change) / f64::from(apart)
 }
 
-/// Whether a collider that moves by `travel` (m), or so far relative to the cloth's course if that is more, may touch the cloth during a step of `dt` (s). True if nothing is
-/// known about the cloth yet.
+/// Whether a collider may touch the cloth during a step of `dt` (s) in which it moves by `travel` (m), by itself or relative to
+/// the cloth's course, whichever is more. True if nothing is known about the cloth yet.
 fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
     seen.is_none_or(|seen| {
         let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);

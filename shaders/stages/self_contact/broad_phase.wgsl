@@ -1,5 +1,5 @@
-// The broad phase compares the boxes of the features of leaves that meet. Each invocation has a feature of one leaf, and compares it with those
-// of the other leaf, which are kept in workgroup memory.
+// The broad phase compares the boxes of the features of leaves that meet. Each invocation has a feature of one leaf, and
+// compares it with those of the other leaf, which are kept in workgroup memory.
 
 const COMPARERS: u32 = 256u;
 
