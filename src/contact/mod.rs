@@ -307,7 +307,7 @@ impl TriangleContact {
         self.max_carry = input.max_carry;
         if self.contacts.has_near() {
             self.contacts.finish(x, u, push, workers);
-            if lost != DVec3::ZERO && common_motion.is_none() && returns_momentum(plan) {
+            if lost != DVec3::ZERO && returns_momentum(plan) {
                 give_back(plan.cloth, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();
