@@ -40,7 +40,7 @@ pub use glam;
 pub use gpu::GpuStats;
 #[cfg(feature = "gpu")]
 pub use gpu::{BoundMesh, Surface};
-pub use io::cache_form::CacheForm;
+pub use io::cache_form::{CacheForm, UpAxis};
 pub use io::obj::ObjError;
 pub use io::obj::template::ObjTemplate;
 pub use io::pc2_reader::{Pc2ReadError, PointCacheReader};

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use cloth_deformer::glam::{Vec2, Vec3};
-use cloth_deformer::{CacheForm, Pc2ReadError, PointCache, PointCacheError, PointCacheReader};
+use cloth_deformer::{CacheForm, Pc2ReadError, PointCache, PointCacheError, PointCacheReader, UpAxis};
 
 /// Two samples of four vertices, in which all numbers differ.
 fn samples() -> [Vec<Vec3>; 2] {
@@ -39,12 +39,12 @@ fn a_usd_has_the_mesh_and_a_sample_a_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("towel.usda");
     let texture = (0..7).map(|corner| Vec2::new(corner as f32, 0.5)).collect();
-    write(CacheForm::Usda { fps: 24.0, faces: vec![vec![0, 1, 2, 3], vec![3, 1, 0]], texture }, &path).unwrap();
+    write(CacheForm::Usda { fps: 24.0, up: UpAxis::Z, faces: vec![vec![0, 1, 2, 3], vec![3, 1, 0]], texture }, &path).unwrap();
     let text = fs::read_to_string(&path).unwrap();
     assert!(text.starts_with("#usda 1.0\n("));
     for line in [
         "metersPerUnit = 1",
-        "upAxis = \"Y\"",
+        "upAxis = \"Z\"",
         "timeCodesPerSecond = 24",
         "startTimeCode = 1",
         "endTimeCode = 2",
@@ -66,7 +66,7 @@ fn forms_that_cannot_be_are_refused() {
     let path = folder.path().join("none");
     let textured = |faces: &[&[u32]], texture: &[Vec2]| {
         let faces = faces.iter().map(|face| face.to_vec()).collect();
-        CacheForm::Usda { fps: 24.0, faces, texture: texture.to_vec() }
+        CacheForm::Usda { fps: 24.0, up: UpAxis::Y, faces, texture: texture.to_vec() }
     };
     let faces = |faces: &[&[u32]]| textured(faces, &[]);
     for (form, words) in [

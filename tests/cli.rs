@@ -11,7 +11,7 @@ mod program;
 use std::{collections::BTreeSet, fs, io::BufReader, path::Path, process::Command};
 
 use cloth_deformer::{Mesh, glam::Vec3};
-use program::{drape, fails, run, stderr, succeeds};
+use program::{drape, fails, read_png, run, stderr, succeeds};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -43,15 +43,6 @@ fn crooked(directory: &TempDir) -> Mesh {
     mesh.triangles.reverse();
     mesh.save_obj(directory.path().join("crooked.obj")).unwrap();
     mesh
-}
-
-/// Width, height and pixels of the picture.
-fn read_png(path: &Path) -> (u32, u32, Vec<u8>) {
-    let mut reader = png::Decoder::new(BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
-    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-    let info = reader.next_frame(&mut pixels).unwrap();
-    assert_eq!(info.color_type, png::ColorType::Rgb);
-    (info.width, info.height, pixels)
 }
 
 #[test]

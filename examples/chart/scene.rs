@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use cloth_deformer::glam::DVec3;
-use cloth_deformer::{Backend, Deformer, Mesh, Options};
+use cloth_deformer::{Backend, Deformer, Mesh, Options, UpAxis};
 
 use crate::Failure;
 use crate::arguments::Arguments;
@@ -64,7 +64,7 @@ impl Scene {
         let mesh = Mesh::load_obj(path).map_err(Failure::input)?;
         let (low, high) = bounds(&mesh);
         let extent = f64::from((high - low).max_element());
-        let pinned = arguments.pin.vertices(&mesh);
+        let pinned = arguments.pin.vertices(&mesh, UpAxis::Y);
         let options = Options { fabric: arguments.membrane(), pinned, ..Options::default() };
         // Building the cloth reports what is wrong with the mesh or the pins.
         Deformer::new(&mesh, Options { backend: Backend::Cpu, ..options.clone() })

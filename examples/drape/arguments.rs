@@ -40,8 +40,8 @@ pub(crate) const FORMATS: [(&str, Format); 4] =
 
 /// Simulates cloth that falls, hangs or moves in a scene, and writes every frame as an OBJ file.
 ///
-/// Lengths are in meters, masses in kilograms, y is up. Without a mesh or a scene, a towel of 1.2 m x 1.2 m with 64 x
-/// 64 vertices falls from 0.7 m.
+/// Lengths are in meters, masses in kilograms, y is up, or z if gravity acts along z. Without a mesh or a scene, a towel of
+/// 1.2 m x 1.2 m with 64 x 64 vertices falls from 0.7 m.
 #[derive(Debug, Clone, Parser)]
 #[command(
     name = "drape",

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{CacheForm, Mesh, ObjTemplate, PointCache, PointCacheError};
+use cloth_deformer::{CacheForm, Mesh, ObjTemplate, PointCache, PointCacheError, UpAxis};
 
 use crate::{
     Failure,
@@ -36,7 +36,12 @@ pub(crate) fn cache_name(format: Format) -> Option<&'static str> {
 impl<'a> Frames<'a> {
     /// Begins all caches. Fails if one cannot be written, or if the folder has frames of a longer run, which would look
     /// like a part of this one.
-    pub(crate) fn begin(outputs: &'a Outputs, mesh: &Mesh, template: Option<&'a ObjTemplate>) -> Result<Frames<'a>, Failure> {
+    pub(crate) fn begin(
+        outputs: &'a Outputs,
+        mesh: &Mesh,
+        template: Option<&'a ObjTemplate>,
+        up: UpAxis,
+    ) -> Result<Frames<'a>, Failure> {
         let out = &outputs.folder;
         fs::create_dir_all(out).map_err(|error| {
             Failure::input(format_args!("--out {}: {error}; name a directory that can be made", out.display()))
@@ -64,7 +69,7 @@ impl<'a> Frames<'a> {
                     let triangles = || mesh.triangles.iter().map(|triangle| triangle.to_vec()).collect();
                     let faces = template.map_or_else(triangles, |template| template.polygons().to_vec());
                     let texture = template.map_or_else(Vec::new, |template| template.texture_coordinates().to_vec());
-                    CacheForm::Usda { fps, faces, texture }
+                    CacheForm::Usda { fps, up, faces, texture }
                 }
                 Format::Obj | Format::Pc2 => CacheForm::Pc2,
             };

@@ -2,8 +2,8 @@
 
 use std::str::FromStr;
 
-use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Vec2, Vec3};
+use cloth_deformer::{Mesh, UpAxis};
 
 /// The choice of pinned vertices.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,10 +16,10 @@ pub(crate) enum Pin {
 
 impl Pin {
     /// Indices of the pinned vertices. Each occurs once, unless the user's own list repeats one.
-    pub(crate) fn vertices(&self, mesh: &Mesh) -> Vec<u32> {
+    pub(crate) fn vertices(&self, mesh: &Mesh, up: UpAxis) -> Vec<u32> {
         match self {
             Pin::None => Vec::new(),
-            Pin::Top => top(mesh),
+            Pin::Top => top(mesh, up),
             Pin::Corners => corners(mesh),
             Pin::Vertices(list) => list.clone(),
         }
@@ -44,21 +44,17 @@ impl FromStr for Pin {
     }
 }
 
-/// The highest vertices; if the mesh is horizontal, the side with the lowest z.
-fn top(mesh: &Mesh) -> Vec<u32> {
+/// The highest vertices; if the mesh is horizontal, its far side: that with the lowest z if y is up, the highest y if z is.
+fn top(mesh: &Mesh, up: UpAxis) -> Vec<u32> {
     // Vertices within this share of the extent count as level, because modelers round coordinates.
     const LEVEL: f32 = 1e-4;
     let (low, high) = bounds(mesh);
     let extent = high - low;
-    let is_top = |vertex: &u32| {
-        let position = mesh.positions[*vertex as usize];
-        if extent.y > LEVEL * extent.max_element() {
-            position.y >= high.y - LEVEL * extent.y
-        } else {
-            position.z <= low.z + LEVEL * extent.z
-        }
-    };
-    used(mesh).into_iter().filter(is_top).collect()
+    let along = |direction: Vec3| extent.dot(direction.abs());
+    let (above, away) = (up.turn(Vec3::Y), up.turn(Vec3::NEG_Z));
+    let toward = if along(above) > LEVEL * extent.max_element() { above } else { away };
+    let far = low.dot(toward).max(high.dot(toward)) - LEVEL * along(toward);
+    used(mesh).into_iter().filter(|&vertex| mesh.positions[vertex as usize].dot(toward) >= far).collect()
 }
 
 /// The vertices nearest to the corners of the mesh's bounding rectangle in the plane of its two largest extents.

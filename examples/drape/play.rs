@@ -41,7 +41,7 @@ pub(crate) fn play(
     listen()?;
 
     // Outputs that cannot be written are detected now, not after the simulation.
-    let mut frames = Frames::begin(outputs, mesh, template.as_ref())?;
+    let mut frames = Frames::begin(outputs, mesh, template.as_ref(), scene.look.up)?;
     let reserve = |path: &Option<_>| path.as_deref().map(Output::reserve).transpose();
     let (report_file, _) = (reserve(&outputs.report)?, reserve(&outputs.save)?);
     let preview_file = reserve(&outputs.preview)?;

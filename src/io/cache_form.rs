@@ -7,8 +7,7 @@ use glam::{Vec2, Vec3};
 
 use crate::io::point_cache_error::PointCacheError;
 
-/// The file format of a point cache. Positions are written unchanged, in meters with y up; vertices are in the mesh's
-/// order.
+/// The file format of a point cache. Positions are written unchanged, in meters; vertices are in the mesh's order.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum CacheForm {
@@ -28,6 +27,8 @@ pub enum CacheForm {
     Usda {
         /// Frames per second.
         fps: f32,
+        /// The axis that points up.
+        up: UpAxis,
         /// The corners of each polygon: triangles ([`Mesh::triangles`](crate::Mesh::triangles)), or the polygons of the
         /// input file ([`ObjTemplate::polygons`](crate::ObjTemplate::polygons)).
         faces: Vec<Vec<u32>>,
@@ -35,6 +36,31 @@ pub enum CacheForm {
         /// ([`ObjTemplate::texture_coordinates`](crate::ObjTemplate::texture_coordinates)); empty: none.
         texture: Vec<Vec2>,
     },
+}
+
+/// The axis that points up in a USD file. Positions are not changed for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UpAxis {
+    /// As in Maya, Houdini and glTF, and in the default [`Attributes::gravity`](crate::Attributes::gravity).
+    #[default]
+    Y,
+    /// As in 3ds Max, in CAD and in robotics.
+    Z,
+}
+
+impl UpAxis {
+    /// The axis along which gravity acts, of the two.
+    pub fn of(gravity: Vec3) -> UpAxis {
+        if gravity.z.abs() > gravity.y.abs() { UpAxis::Z } else { UpAxis::Y }
+    }
+
+    /// A vector whose y component is up, for this axis: turned about x by 0 or 90 degrees, so that handedness is kept.
+    pub fn turn(self, y_up: Vec3) -> Vec3 {
+        match self {
+            UpAxis::Y => y_up,
+            UpAxis::Z => Vec3::new(y_up.x, -y_up.z, y_up.y),
+        }
+    }
 }
 
 impl CacheForm {
@@ -59,7 +85,7 @@ impl CacheForm {
                 header.extend(times.flat_map(f32::to_be_bytes));
                 Ok(header)
             }
-            CacheForm::Usda { fps, faces, texture } => {
+            CacheForm::Usda { fps, up, faces, texture } => {
                 check_rate(*fps)?;
                 let is_face = |face: &Vec<u32>| face.len() > 2 && face.iter().all(|&corner| (corner as usize) < vertices);
                 if let Some(face) = faces.iter().position(|face| !is_face(face)) {
@@ -78,7 +104,7 @@ impl CacheForm {
                     let problem = format!("texture[{corner}] is {}; give finite numbers", texture[corner]);
                     return Err(PointCacheError::Form { problem });
                 }
-                Ok(usda_header(*fps, faces, texture, samples).into_bytes())
+                Ok(usda_header(*fps, *up, faces, texture, samples).into_bytes())
             }
         }
     }
@@ -125,7 +151,7 @@ fn check_rate(fps: f32) -> Result<(), PointCacheError> {
     }
 }
 
-fn usda_header(fps: f32, faces: &[Vec<u32>], texture: &[Vec2], samples: usize) -> String {
+fn usda_header(fps: f32, up: UpAxis, faces: &[Vec<u32>], texture: &[Vec2], samples: usize) -> String {
     let list = |numbers: &mut dyn Iterator<Item = u32>| {
         let words: Vec<String> = numbers.map(|number| number.to_string()).collect();
         words.join(", ")
@@ -146,7 +172,7 @@ fn usda_header(fps: f32, faces: &[Vec<u32>], texture: &[Vec2], samples: usize) -
     metersPerUnit = 1
     startTimeCode = 1
     timeCodesPerSecond = {fps}
-    upAxis = \"Y\"
+    upAxis = \"{up:?}\"
 )
 
 def Mesh \"Cloth\"

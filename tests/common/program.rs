@@ -1,7 +1,9 @@
 //! Runs the `drape` example as a program, where `cargo test` has built it.
 
 use std::env;
-use std::path::PathBuf;
+use std::fs;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use tempfile::TempDir;
@@ -51,4 +53,13 @@ pub fn fails(output: &Output, code: i32, words: &[&str]) {
         assert!(errors[0].contains(word), "no `{word}` in: {text}");
     }
     assert!(output.stdout.is_empty(), "a failure leaves stdout empty");
+}
+
+/// Width, height and pixels of the picture.
+pub fn read_png(path: &Path) -> (u32, u32, Vec<u8>) {
+    let mut reader = png::Decoder::new(BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!(info.color_type, png::ColorType::Rgb);
+    (info.width, info.height, pixels)
 }

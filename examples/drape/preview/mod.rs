@@ -13,8 +13,8 @@ mod shapes;
 mod sheet;
 mod view;
 
-use cloth_deformer::Collider;
 use cloth_deformer::glam::Vec3;
+use cloth_deformer::{Collider, UpAxis};
 
 pub(crate) use animation::animation;
 pub(crate) use sheet::contact_sheet;
@@ -34,6 +34,7 @@ pub(crate) struct Cell {
 pub(crate) struct Look {
     /// The direction from the scene toward the camera; any length but 0.
     pub(crate) from: Vec3,
+    pub(crate) up: UpAxis,
     /// The time (s) of the first frame in an animation.
     pub(crate) begin: f32,
     /// The pieces of the cloth, in the order of their vertices.
@@ -50,10 +51,13 @@ pub(crate) struct Piece {
 }
 
 impl Look {
-    /// The default camera looks down from the right.
-    pub(crate) const FROM: Vec3 = Vec3::new(0.52, 0.50, 1.0);
     /// The default colors: red, with a tan lining.
     pub(crate) const SIDES: [Vec3; 2] = [Vec3::new(0.62, 0.085, 0.055), Vec3::new(0.80, 0.48, 0.20)];
+}
+
+/// The default camera looks down from the right.
+pub(crate) fn default_view(up: UpAxis) -> Vec3 {
+    up.turn(Vec3::new(0.52, 0.50, 1.0))
 }
 
 /// Converts sRGB (0 to 1) to linear light (IEC 61966-2-1).

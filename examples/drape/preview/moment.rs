@@ -4,7 +4,7 @@ use cloth_deformer::glam::{Vec3, Vec3Swizzles};
 use cloth_deformer::{Collider, Mesh, Shape};
 
 use super::mesh::{bounds, interpolate, longest_edge, normal, vertex_normals};
-use super::shade::{Reach, SOLID, SUN, backdrop, checker, gloss, smoothstep, srgb, surface, thin};
+use super::shade::{Reach, SOLID, Sky, backdrop, checker, smoothstep, srgb};
 use super::shapes::{collider_normal, corners, shrunk, trace};
 use super::view::{Frame, rasterise};
 use super::{Cell, Look};
@@ -23,6 +23,7 @@ pub(super) struct Stage<'a> {
     width: usize,
     height: usize,
     camera: Frame,
+    sky: Sky,
     lamps: [Lamp; 2],
     /// Center and radius (m) of a sphere around everything that the camera must see.
     middle: Vec3,
@@ -49,16 +50,18 @@ impl<'a> Stage<'a> {
         let (low, high) = bounds(&points);
         let middle = 0.5 * (low + high);
         let radius = points.iter().map(|point| point.distance(middle)).fold(f32::MIN_POSITIVE, f32::max);
+        let sky = Sky::new(look.up);
         Stage {
             triangles,
             look,
             width,
             height,
-            camera: Frame::perspective(&points, look.from, width as f32 / height as f32),
+            camera: Frame::perspective(&points, look.from, sky.up, width as f32 / height as f32),
+            sky,
             // The sun, and the sky, which is a very soft light from above.
             lamps: [
-                Lamp { frame: Frame::parallel(middle, radius, SUN), texels: 512, softness: 3 },
-                Lamp { frame: Frame::parallel(middle, radius, Vec3::Y), texels: 96, softness: MAX_SOFTNESS },
+                Lamp { frame: Frame::parallel(middle, radius, sky.sun, sky.up), texels: 512, softness: 3 },
+                Lamp { frame: Frame::parallel(middle, radius, sky.up, sky.up), texels: 96, softness: MAX_SOFTNESS },
             ],
             middle,
             radius,
@@ -145,7 +148,7 @@ impl Moment<'_> {
 
     /// The light that reaches the camera through a sample, linear.
     fn shade(&self, sample: &Sample, column: usize, row: usize) -> Vec3 {
-        let (stage, rows) = (self.stage, self.stage.height * SAMPLES);
+        let (stage, sky, rows) = (self.stage, self.stage.sky, self.stage.height * SAMPLES);
         let (origin, direction) = stage.camera.ray(column, row, stage.width * SAMPLES, rows);
         let backdrop = backdrop(1.0 - row as f32 / rows as f32);
         let point = origin + stage.camera.depth(sample.nearness) * direction;
@@ -163,8 +166,8 @@ impl Moment<'_> {
                 let facing = side * interpolate(point, corners, triangle.map(|vertex| self.normals[vertex]));
                 let albedo = sides[usize::from(side < 0.0)];
                 // The sun lights either the visible side of the cloth or the far side, from where light shines through.
-                let behind = if facing.dot(SUN) < 0.0 { self.lit(0, point, -side * flat) } else { 0.0 };
-                surface(albedo, facing, self.reach(point, side * flat)) + thin(albedo, facing, to_eye, behind)
+                let behind = if facing.dot(sky.sun) < 0.0 { self.lit(0, point, -side * flat) } else { 0.0 };
+                sky.surface(albedo, facing, self.reach(point, side * flat)) + sky.thin(albedo, facing, to_eye, behind)
             }
             Thing::Body(number, place) => {
                 let Some(mesh) = body(&self.colliders[number]) else { return backdrop };
@@ -172,18 +175,18 @@ impl Moment<'_> {
                 let corners = triangle.map(|vertex| mesh.positions[vertex]);
                 let smooth = interpolate(point, corners, triangle.map(|vertex| self.body_normals[number][vertex]));
                 let facing = if normal(corners).dot(to_eye) >= 0.0 { smooth } else { -smooth };
-                surface(SOLID, facing, self.reach(point, facing))
+                sky.surface(SOLID, facing, self.reach(point, facing))
             }
             Thing::Collider(number) => {
                 let shape = &self.colliders[number].shape;
                 let facing = collider_normal(shape, point);
                 let reach = self.reach(point, facing);
                 let Shape::Plane { point: on, normal } = shape else {
-                    return surface(SOLID, facing, reach) + gloss(facing, to_eye, reach);
+                    return sky.surface(SOLID, facing, reach) + sky.gloss(facing, to_eye, reach);
                 };
                 let tile = checker(stage.middle, stage.radius, *on, *normal, point);
                 let far = smoothstep(1.3, 4.5, point.distance(stage.middle) / stage.radius);
-                surface(tile, facing, reach).lerp(backdrop, far)
+                sky.surface(tile, facing, reach).lerp(backdrop, far)
             }
         }
     }

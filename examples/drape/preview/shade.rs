@@ -1,9 +1,7 @@
 //! Light and color.
 
+use cloth_deformer::UpAxis;
 use cloth_deformer::glam::Vec3;
-
-/// The direction toward the sun.
-pub(super) const SUN: Vec3 = Vec3::new(-0.80, 1.20, 0.72);
 
 /// Colors in linear light.
 pub(super) const SOLID: Vec3 = Vec3::new(0.16, 0.25, 0.36);
@@ -20,30 +18,43 @@ pub(super) struct Reach {
     pub(super) sky: f32,
 }
 
+/// The directions toward the sun and toward the middle of the sky.
+#[derive(Clone, Copy)]
+pub(super) struct Sky {
+    pub(super) sun: Vec3,
+    pub(super) up: Vec3,
+}
+
+impl Sky {
+    pub(super) fn new(up: UpAxis) -> Sky {
+        Sky { sun: up.turn(Vec3::new(-0.80, 1.20, 0.72)).normalize(), up: up.turn(Vec3::Y) }
+    }
+
+    /// A matte surface lit by the sun, the sky above and light from the ground.
+    pub(super) fn surface(self, albedo: Vec3, facing: Vec3, reach: Reach) -> Vec3 {
+        let sun = reach.sun * facing.dot(self.sun).max(0.0) * SUNLIGHT;
+        let sky = (0.25 + 0.16 * facing.dot(self.up)) * (0.45 + 0.55 * reach.sky) * SKYLIGHT;
+        albedo * (sun + sky)
+    }
+
+    /// What thin cloth adds to a matte surface: light of the sun behind it that shines through, tinted by the fabric, and a
+    /// faint sheen at grazing angles.
+    pub(super) fn thin(self, albedo: Vec3, facing: Vec3, to_eye: Vec3, behind: f32) -> Vec3 {
+        let through = 0.22 * behind * (-facing.dot(self.sun)).max(0.0) * SUNLIGHT;
+        let sheen = 0.07 * (1.0 - facing.dot(to_eye).clamp(0.0, 1.0)).powi(3);
+        albedo * (albedo + 0.25) * through + sheen * HORIZON
+    }
+
+    /// The highlight of the sun on a smooth surface.
+    pub(super) fn gloss(self, facing: Vec3, to_eye: Vec3, reach: Reach) -> Vec3 {
+        let half = (to_eye + self.sun).normalize();
+        Vec3::splat(0.18 * reach.sun * facing.dot(half).max(0.0).powi(40))
+    }
+}
+
 /// The background at a height from 0 (bottom) to 1 (top) of the picture.
 pub(super) fn backdrop(height: f32) -> Vec3 {
     HORIZON.lerp(ZENITH, height.powf(1.5))
-}
-
-/// A matte surface lit by the sun, the sky above and light from the ground.
-pub(super) fn surface(albedo: Vec3, facing: Vec3, reach: Reach) -> Vec3 {
-    let sun = reach.sun * facing.dot(SUN.normalize()).max(0.0) * SUNLIGHT;
-    let sky = (0.25 + 0.16 * facing.y) * (0.45 + 0.55 * reach.sky) * SKYLIGHT;
-    albedo * (sun + sky)
-}
-
-/// What thin cloth adds to a matte surface: light of the sun behind it that shines through, tinted by the fabric, and a
-/// faint sheen at grazing angles.
-pub(super) fn thin(albedo: Vec3, facing: Vec3, to_eye: Vec3, behind: f32) -> Vec3 {
-    let through = 0.22 * behind * (-facing.dot(SUN.normalize())).max(0.0) * SUNLIGHT;
-    let sheen = 0.07 * (1.0 - facing.dot(to_eye).clamp(0.0, 1.0)).powi(3);
-    albedo * (albedo + 0.25) * through + sheen * HORIZON
-}
-
-/// The highlight of the sun on a smooth surface.
-pub(super) fn gloss(facing: Vec3, to_eye: Vec3, reach: Reach) -> Vec3 {
-    let half = (to_eye + SUN.normalize()).normalize();
-    Vec3::splat(0.18 * reach.sun * facing.dot(half).max(0.0).powi(40))
 }
 
 /// The color of a checkered plane at `at`. A tile is a third of `radius` wide, the radius of the scene (m) around

@@ -22,17 +22,17 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    fn toward(eye: Vec3, back: Vec3, half: f32, spreads: bool) -> Frame {
+    fn toward(eye: Vec3, back: Vec3, up: Vec3, half: f32, spreads: bool) -> Frame {
         let back = back.normalize();
-        let right = Vec3::Y.cross(back).normalize_or(Vec3::X);
+        let right = up.cross(back).normalize_or(Vec3::X);
         Frame { eye, right, up: back.cross(right), back, half, spreads }
     }
 
     /// The camera: it looks along `-toward` from the shortest distance at which every point is inside a picture
     /// `aspect` times as wide as high.
-    pub(super) fn perspective(points: &[Vec3], toward: Vec3, aspect: f32) -> Frame {
+    pub(super) fn perspective(points: &[Vec3], toward: Vec3, up: Vec3, aspect: f32) -> Frame {
         const MARGIN: f32 = 1.06;
-        let mut frame = Frame::toward(Vec3::ZERO, toward, LENS, true);
+        let mut frame = Frame::toward(Vec3::ZERO, toward, up, LENS, true);
         let local: Vec<Vec3> =
             points.iter().map(|point| Vec3::new(point.dot(frame.right), point.dot(frame.up), point.dot(frame.back))).collect();
         // A point is inside when |x| <= slope (eye.z - z), so the outermost points determine the plane of each side.
@@ -51,8 +51,8 @@ impl Frame {
     }
 
     /// A light's view: parallel rays along `-toward` that cover a sphere.
-    pub(super) fn parallel(middle: Vec3, radius: f32, toward: Vec3) -> Frame {
-        Frame::toward(middle + 2.0 * radius * toward.normalize(), toward, 1.02 * radius, false)
+    pub(super) fn parallel(middle: Vec3, radius: f32, toward: Vec3, up: Vec3) -> Frame {
+        Frame::toward(middle + 2.0 * radius * toward.normalize(), toward, up, 1.02 * radius, false)
     }
 
     /// The ray through the center of a sample: its origin, and a direction with a component of 1 m along the view.

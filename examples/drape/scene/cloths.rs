@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Fabric, Mesh, ObjTemplate};
+use cloth_deformer::{Fabric, Mesh, ObjTemplate, UpAxis};
 use toml::Spanned;
 
 use super::colliders::turn;
@@ -43,12 +43,12 @@ pub(super) struct Cloths {
 
 impl Cloths {
     /// The towel, or the mesh given on the command line.
-    pub(super) fn of_arguments(arguments: &Arguments) -> Result<Cloths, Failure> {
+    pub(super) fn of_arguments(arguments: &Arguments, up: UpAxis) -> Result<Cloths, Failure> {
         let template = arguments.mesh.as_deref().map(load).transpose()?;
         let name = arguments.mesh.as_ref().map_or("the towel".to_owned(), |path| path.display().to_string());
-        let mut mesh = template.as_ref().map_or_else(towel, |template| template.mesh().clone());
+        let mut mesh = template.as_ref().map_or_else(|| towel(up), |template| template.mesh().clone());
         place(&mut mesh, arguments.scale, None, None);
-        let pins = vec![Group::still(arguments.pin.as_ref().unwrap_or(&Pin::None), &mesh)];
+        let pins = vec![Group::still(arguments.pin.as_ref().unwrap_or(&Pin::None), &mesh, up)];
         let fabric = arguments.fabric.unwrap_or(Fabric::TOWEL);
         let materials = vec![Material { fabric, vertices: mesh.positions.len(), diagonals: Vec::new() }];
         doubt(&name, &mesh);
@@ -57,7 +57,13 @@ impl Cloths {
 
     /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, all
     /// fabrics and all pins.
-    pub(super) fn of_scene(arguments: &Arguments, source: &Source, file: &File, timeline: Timeline) -> Result<Cloths, Failure> {
+    pub(super) fn of_scene(
+        arguments: &Arguments,
+        source: &Source,
+        file: &File,
+        timeline: Timeline,
+        up: UpAxis,
+    ) -> Result<Cloths, Failure> {
         if file.cloth.is_empty() {
             return Err(source.wrong(0, "there is no cloth; give at least one [[cloth]] with a mesh or a grid"));
         }
@@ -75,10 +81,10 @@ impl Cloths {
             files: Vec::new(),
         };
         for (number, given) in file.cloth.iter().enumerate() {
-            all.add(arguments, source, number + 1, given, timeline)?;
+            all.add(arguments, source, number + 1, given, timeline, up)?;
         }
         if let Some(pin) = &arguments.pin {
-            all.pins = vec![Group::still(pin, &all.mesh)];
+            all.pins = vec![Group::still(pin, &all.mesh, up)];
         }
         Ok(all)
     }
@@ -91,6 +97,7 @@ impl Cloths {
         number: usize,
         given: &Spanned<Cloth>,
         timeline: Timeline,
+        up: UpAxis,
     ) -> Result<(), Failure> {
         let cloth = given.get_ref();
         let name = cloth.name.clone().unwrap_or_else(|| format!("cloth {number}"));
@@ -118,7 +125,7 @@ impl Cloths {
                     );
                     return Err(source.wrong_in(given, message));
                 }
-                Mesh::grid(*columns, *rows, width.0, height.0)
+                level(Mesh::grid(*columns, *rows, width.0, height.0), up)
             }
             (None, None) => return Err(wrong("it has no mesh; give `mesh = \"FILE.obj\"` or a grid")),
         };
@@ -131,7 +138,7 @@ impl Cloths {
         if arguments.pin.is_none() {
             let mut is_held = vec![false; piece.positions.len()];
             for (number, pin) in cloth.pin.iter().enumerate() {
-                let group = Group::read(source, number + 1, pin, &piece, template.as_ref(), first, timeline)?;
+                let group = Group::read(source, number + 1, pin, &piece, template.as_ref(), first, timeline, up)?;
                 for vertex in group.vertices.iter().map(|vertex| vertex - first) {
                     if std::mem::replace(&mut is_held[vertex as usize], true) {
                         return Err(source.wrong_in(pin, format_args!("{name}: vertex {vertex} is pinned twice; name it once")));
@@ -178,10 +185,16 @@ fn load(path: &Path) -> Result<ObjTemplate, Failure> {
 
 /// The cloth of the 2013 plug-in's scene, spread out above the sphere and wide enough for its corners to reach the
 /// floor.
-fn towel() -> Mesh {
-    let mut mesh = Mesh::grid(64, 64, 1.2, 1.2);
-    place(&mut mesh, None, None, Some(Vec3::new(0.0, 0.7, 0.0)));
+fn towel(up: UpAxis) -> Mesh {
+    let mut mesh = level(Mesh::grid(64, 64, 1.2, 1.2), up);
+    place(&mut mesh, None, None, Some(up.turn(Vec3::new(0.0, 0.7, 0.0))));
     mesh
+}
+
+/// Turns a grid, which faces y, so that it faces up.
+fn level(mut grid: Mesh, up: UpAxis) -> Mesh {
+    grid.positions.iter_mut().for_each(|x| *x = up.turn(*x));
+    grid
 }
 
 /// Scales, rotates (degrees) and moves (m) a mesh, as far as requested.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use cloth_deformer::glam::{EulerRot, Quat, Vec3};
-use cloth_deformer::{Collider, Mesh, Shape};
+use cloth_deformer::{Collider, Mesh, Shape, UpAxis};
 use toml::Spanned;
 
 use super::bodies::Body;
@@ -105,6 +105,7 @@ impl Moving {
         number: usize,
         given: &Spanned<file::Collider>,
         timeline: Timeline,
+        up: UpAxis,
     ) -> Result<Moving, Failure> {
         let file::Collider {
             name,
@@ -162,9 +163,10 @@ impl Moving {
         let tapered = |radius: &Option<Animated<Positive>>, number: &str| radius.clone().ok_or_else(|| missing(number));
         let motion = match shape {
             ShapeName::Sphere => Motion::Sphere { center: vector(center, "center")?, radius: above_0()? },
-            ShapeName::Plane => {
-                Motion::Plane { point: vector(point, "point")?, normal: normal.clone().unwrap_or(Animated::still(Vec3::Y)) }
-            }
+            ShapeName::Plane => Motion::Plane {
+                point: vector(point, "point")?,
+                normal: normal.clone().unwrap_or(Animated::still(up.turn(Vec3::Y))),
+            },
             ShapeName::Capsule => Motion::Capsule { a: vector(a, "a")?, b: vector(b, "b")?, radius: above_0()? },
             ShapeName::TaperedCapsule => Motion::TaperedCapsule {
                 a: vector(a, "a")?,
@@ -255,12 +257,13 @@ pub(super) fn colliders(
     scene: Option<(&Source, &File)>,
     mesh: &Mesh,
     timeline: Timeline,
+    up: UpAxis,
 ) -> Result<Vec<Moving>, Failure> {
     let Arguments { sphere, capsule, solid_box, body, plane, floor, no_sphere, no_floor, .. } = arguments;
     let (mut all, mut under) = (Vec::new(), None);
     if let Some((source, file)) = scene {
         for (number, given) in file.collider.iter().enumerate() {
-            let moving = Moving::read(arguments, source, number + 1, given, timeline)?;
+            let moving = Moving::read(arguments, source, number + 1, given, timeline, up)?;
             if let Some(id) = moving.id
                 && let Some(earlier) = file.collider[..number].iter().find(|earlier| earlier.get_ref().id == Some(id))
             {
@@ -272,12 +275,12 @@ pub(super) fn colliders(
             }
         }
     } else {
-        let [ball, ground] = usual(arguments, mesh);
+        let [ball, ground] = usual(arguments, mesh, up);
         let is_bare = sphere.is_empty() && capsule.is_empty() && solid_box.is_empty() && body.is_empty();
         all.extend((is_bare && !no_sphere).then(|| Moving::still(ball)));
         under = (plane.is_empty() && floor.is_none() && !no_floor).then(|| Moving::still(ground));
     }
-    let floor = floor.map(|height| Collider::plane(Vec3::new(0.0, height, 0.0), Vec3::Y));
+    let floor = floor.map(|height| ground_at(height, up));
     all.extend([sphere, capsule, solid_box].into_iter().flatten().cloned().map(Moving::still));
     for path in body {
         let body = Body::load(path, None, arguments.scale, timeline.times())?;
@@ -293,12 +296,17 @@ pub(super) fn colliders(
 
 /// The default sphere and floor of a run without a scene, in proportion to the mesh: for a largest extent of 1 m, and
 /// for the towel, a sphere with a radius of 0.3 m whose top is 0.1 m below the mesh, and the floor that it rests on.
-fn usual(arguments: &Arguments, mesh: &Mesh) -> [Collider; 2] {
+fn usual(arguments: &Arguments, mesh: &Mesh, up: UpAxis) -> [Collider; 2] {
     let (low, high) = bounds(mesh);
     let extent = (high - low).max_element();
     // A mesh of a single point has no size to go by.
     let size = if extent > 0.0 && arguments.mesh.is_some() { extent } else { 1.0 };
-    let ground = low.y - 0.7 * size;
-    let center = (0.5 * (low + high)).with_y(ground + 0.3 * size);
-    [Collider::sphere(center, 0.3 * size), Collider::plane(Vec3::new(0.0, ground, 0.0), Vec3::Y)]
+    let (above, middle) = (up.turn(Vec3::Y), 0.5 * (low + high));
+    let ground = low.dot(above) - 0.7 * size;
+    let center = middle - above * middle.dot(above) + above * (ground + 0.3 * size);
+    [Collider::sphere(center, 0.3 * size), ground_at(ground, up)]
+}
+
+fn ground_at(height: f32, up: UpAxis) -> Collider {
+    Collider::plane(up.turn(Vec3::Y * height), up.turn(Vec3::Y))
 }

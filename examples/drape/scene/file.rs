@@ -1,8 +1,8 @@
 //! The scene file: its keys and their units. Anything else is an error with its line.
 //!
-//! Lengths are in meters, masses in kilograms, times in seconds, angles in degrees; y is up. Input files are relative
-//! to the folder of the scene file, output files to the current folder, as on the command line. A value that may have
-//! key frames, and a start before them, is [`Animated`]. Comments end with the default.
+//! Lengths are in meters, masses in kilograms, times in seconds, angles in degrees; y is up, or z if gravity acts along z. Input
+//! files are relative to the folder of the scene file, output files to the current folder, as on the command line. A value that
+//! may have key frames, and a start before them, is [`Animated`]. Comments end with the default.
 
 use std::fmt::Display;
 use std::io::Read;

@@ -14,14 +14,14 @@ mod values;
 use std::path::PathBuf;
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Attributes, Contact, Levels, Mesh, Method, ObjTemplate, Options, Quality, Tethers};
+use cloth_deformer::{Attributes, Contact, Levels, Mesh, Method, ObjTemplate, Options, Quality, Tethers, UpAxis};
 use toml::Spanned;
 
 use crate::Failure;
 use crate::arguments::{Arguments, Format};
 use crate::command::warn;
 use crate::output::Outputs;
-use crate::preview::Look;
+use crate::preview::{Look, default_view};
 use cloths::Cloths;
 pub(crate) use colliders::replacing;
 use colliders::{Moving, colliders};
@@ -70,15 +70,16 @@ impl Scene {
         let file = scene.map_or(&usual, |(_, file)| file);
 
         let timeline = Timeline::of(arguments, scene)?;
+        let gravity = gravity(arguments, scene, timeline)?;
+        let up = UpAxis::of(gravity.at(timeline.moment(timeline.first())));
         let Cloths { name, mesh, template, materials, pins, pieces, mut files } = match scene {
-            Some((source, file)) => Cloths::of_scene(arguments, source, file, timeline)?,
-            None => Cloths::of_arguments(arguments)?,
+            Some((source, file)) => Cloths::of_scene(arguments, source, file, timeline, up)?,
+            None => Cloths::of_arguments(arguments, up)?,
         };
         files.extend(arguments.scene.clone());
-        let colliders = colliders(arguments, scene, &mesh, timeline)?;
+        let colliders = colliders(arguments, scene, &mesh, timeline, up)?;
         files.extend(colliders.iter().flat_map(Moving::files).cloned());
         let wind = wind(arguments, scene, timeline)?;
-        let gravity = gravity(arguments, scene, timeline)?;
         let backend = arguments.backend.or(file.backend).unwrap_or_default();
         let fabrics = fabrics::combine(&mesh, &materials).map_err(|(number, why)| match scene {
             Some((source, file)) => source.wrong_in(&file.cloth[number], format_args!("cloth {}: {why}", number + 1)),
@@ -103,7 +104,8 @@ impl Scene {
             untangle,
             outputs: outputs(arguments, file, timeline, files)?,
             look: Look {
-                from: file.picture.from.map_or(Look::FROM, |from| from.0),
+                from: file.picture.from.map_or_else(|| default_view(up), |from| from.0),
+                up,
                 begin: file.picture.begin.map_or(0.0, |begin| begin.0),
                 pieces,
             },

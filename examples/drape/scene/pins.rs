@@ -1,7 +1,7 @@
 //! Pins of a scene file: the vertices of a cloth that they hold, and how they move.
 
 use cloth_deformer::glam::Vec3;
-use cloth_deformer::{Mesh, ObjTemplate};
+use cloth_deformer::{Mesh, ObjTemplate, UpAxis};
 use toml::Spanned;
 
 use super::colliders::turn;
@@ -30,8 +30,8 @@ pub(super) struct Group {
 
 impl Group {
     /// Vertices of the combined mesh that do not move.
-    pub(super) fn still(pin: &Pin, mesh: &Mesh) -> Group {
-        let vertices = pin.vertices(mesh);
+    pub(super) fn still(pin: &Pin, mesh: &Mesh, up: UpAxis) -> Group {
+        let vertices = pin.vertices(mesh, up);
         // The deformer reports an index that is out of range.
         let rest = vertices.iter().map(|&vertex| mesh.positions.get(vertex as usize).copied().unwrap_or_default()).collect();
         Group { vertices, rest, about: Vec3::ZERO, by: None, rotate: None, scale: None }
@@ -47,13 +47,14 @@ impl Group {
         obj: Option<&ObjTemplate>,
         first: u32,
         timeline: Timeline,
+        up: UpAxis,
     ) -> Result<Group, Failure> {
         let file::Pin { name, rule, vertices, color, within, by, rotate, scale, about } = given.get_ref();
         let name = name.clone().unwrap_or_else(|| format!("pin {number}"));
         let wrong = |what: String| source.wrong_in(given, format_args!("{name}: {what}"));
         let chosen: Vec<u32> = match (rule, vertices, color, within) {
-            (Some(Rule::Top), None, None, None) => Pin::Top.vertices(piece),
-            (Some(Rule::Corners), None, None, None) => Pin::Corners.vertices(piece),
+            (Some(Rule::Top), None, None, None) => Pin::Top.vertices(piece, up),
+            (Some(Rule::Corners), None, None, None) => Pin::Corners.vertices(piece, up),
             (None, Some(list), None, None) => list.iter().map(|number| number.0).collect(),
             (None, None, Some(color), None) => {
                 let obj =
