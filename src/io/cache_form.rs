@@ -50,11 +50,13 @@ pub enum UpAxis {
 
 impl UpAxis {
     /// The axis along which gravity acts, of the two.
+    #[must_use]
     pub fn of(gravity: Vec3) -> UpAxis {
         if gravity.z.abs() > gravity.y.abs() { UpAxis::Z } else { UpAxis::Y }
     }
 
     /// A vector whose y component is up, for this axis: turned about x by 0 or 90 degrees, so that handedness is kept.
+    #[must_use]
     pub fn turn(self, y_up: Vec3) -> Vec3 {
         match self {
             UpAxis::Y => y_up,
