@@ -11,6 +11,8 @@ struct Body {
     kind: u32,
     c: vec4f,
     c_travel: vec4f,
+    slick: f32,
+    padding: array<f32, 3>,
 }
 
 const PLANE: u32 = 0u;
@@ -45,6 +47,7 @@ struct ContactPoint {
     before: f32,
     after: f32,
     step: vec3f,
+    grip: f32,
 }
 
 fn nearest(a: vec3f, b: vec3f, taper: f32, x: vec3f) -> f32 {
@@ -94,7 +97,7 @@ fn respond(x: vec3f, u: vec3f, contact: ContactPoint, friction: f32) -> Path {
     let pushed = u + n * push;
     let relative = pushed - contact.step;
     let slip = relative - n * dot(n, relative);
-    let held = pushed - slip * min(friction * push / max(length(slip), 1e-30), 1.0);
+    let held = pushed - slip * min(friction * contact.grip * push / max(length(slip), 1e-30), 1.0);
     return Path(x + n * min(old, DEPENETRATION * params.h), held);
 }
 
@@ -123,7 +126,14 @@ fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint
     if !touch.hit {
         touch = box_end(y, dy, core, core_step, radius);
     }
-    return ContactPoint(turned(ends, touch.n), before, touch.after - growth, step);
+    let share = grip(y + dy, core + core_step, radius, body.slick);
+    return ContactPoint(turned(ends, touch.n), before, touch.after - growth, step, share);
+}
+
+fn grip(end: vec3f, core: vec3f, radius: f32, slick: f32) -> f32 {
+    let beyond = abs(end) - core;
+    let second = max(min(beyond.x, beyond.y), min(max(beyond.x, beyond.y), beyond.z));
+    return min((radius - min(second, 0.0)) / max(slick, MIN_LENGTH), 1.0);
 }
 
 // The point of a box's surface that is nearest to a path's end.
@@ -223,7 +233,7 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     if before > -SWEPT * radius && travel2 > SWEPT * SWEPT * radius * radius {
         let touch = swept(x, du, a, b, radius_a, taper, sqrt(travel2));
         if touch.hit {
-            return ContactPoint(touch.n, before, touch.after - growth, step);
+            return ContactPoint(touch.n, before, touch.after - growth, step, 1.0);
         }
     }
     let after = before + (2.0 * dot(d0, du) + travel2) / max(start + end, 1e-20) - growth;
@@ -231,7 +241,7 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     if end > MIN_LENGTH {
         n = d / end;
     }
-    return ContactPoint(n, before, after, step);
+    return ContactPoint(n, before, after, step, 1.0);
 }
 
 fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
@@ -239,7 +249,7 @@ fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
     if body.kind == PLANE {
         let step = body.a_travel * params.fraction;
         let before = dot(body.b, x - (body.a + body.a_travel * substep.start));
-        contact = ContactPoint(body.b, before, before + dot(body.b, u - step), step);
+        contact = ContactPoint(body.b, before, before + dot(body.b, u - step), step, 1.0);
     } else if body.kind == BOX {
         contact = contact_box(x, u, body, substep);
     } else {

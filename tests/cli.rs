@@ -1,10 +1,10 @@
 //! The main binary from outside: exit codes, one-line errors, and the files it writes.
 
-#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/crossings.rs"]
 #[allow(dead_code, reason = "as above")]
 mod crossings;
-#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
 mod program;
 

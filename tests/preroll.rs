@@ -1,7 +1,7 @@
 //! The preroll of scenes: before frame 1, pins go from the mesh and colliders from their starts to where they are at frame 1, and
 //! the cloth settles.
 
-#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
 mod program;
 

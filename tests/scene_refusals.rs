@@ -1,7 +1,7 @@
 //! Scene files that cannot be run are refused with their line; what can be run but is probably not meant is warned of.
 
+#[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
-#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
 mod program;
 
 use std::fs;

@@ -1,7 +1,7 @@
 //! Sweeps from outside: variants, each in a directory of its own, complete or absent even if processes are killed; and
 //! the comparison of two runs.
 
-#[allow(unreachable_pub, reason = "each program of tests takes its own part")]
+#[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]
 mod program;
 

@@ -120,6 +120,9 @@ impl Collider {
     /// A box around `center` (m) that extends by `half` (m) along its own axes, which `rotation` turns into the
     /// world's. Edges and corners are rounded by `radius` (m), 0 for sharp ones; friction 0.3. It moves and turns at
     /// constant speed between steps, by less than half a turn.
+    ///
+    /// Along edges that are sharper than the cloth's edges are long, friction fades within 1.5 times the mean of these (at most a
+    /// quarter of the box's second longest side): cloth that is pulled around such an edge would get stuck there.
     #[must_use]
     pub fn rounded_box(center: Vec3, half: Vec3, rotation: Quat, radius: f32) -> Collider {
         Collider::of(Shape::RoundedBox { center, half, rotation, radius })

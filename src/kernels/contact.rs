@@ -37,6 +37,9 @@ pub(crate) struct Body {
     pub c: [f32; 4],
     /// Change of `c` over the step.
     pub c_travel: [f32; 4],
+    /// Box: width (m) of the strip along a sharp edge in which friction fades toward the edge (`rounded_box::grip`).
+    pub slick: f32,
+    pub padding: [f32; 3],
 }
 
 /// Values of [`Body::kind`].
@@ -99,7 +102,7 @@ pub(crate) fn contact_body<L: Lanes>(
             let (a, a_step) = axis_end(body, substep, params);
             let (n, step) = (Vector::splat(body.b), splat(a_step));
             let before = n.dot(x - splat(a));
-            ContactPoint { n, before, after: before + n.dot(u - step), step }
+            ContactPoint { n, before, after: before + n.dot(u - step), step, grip: L::splat(1.0) }
         }
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
@@ -117,12 +120,14 @@ struct ContactPoint<L> {
     after: L,
     /// The body's displacement (m) there.
     step: Vector<L>,
+    /// Share of the friction.
+    grip: L,
 }
 
 /// Pushes vertices out along the normal, and applies friction. Returns `(x, u)` afterwards.
 #[inline(always)]
 fn respond<L: Lanes>(x: Vector<L>, u: Vector<L>, contact: ContactPoint<L>, friction: f32, h: f32) -> (Vector<L>, Vector<L>) {
-    let ContactPoint { n, before, after, step } = contact;
+    let ContactPoint { n, before, after, step, grip } = contact;
     let zero = L::splat(0.0);
     let depth = zero - after;
     let old = depth.min((zero - before).max(zero));
@@ -130,7 +135,7 @@ fn respond<L: Lanes>(x: Vector<L>, u: Vector<L>, contact: ContactPoint<L>, frict
     let pushed = n.mul_add(push, u);
     let relative = pushed - step;
     let slip = relative - n * n.dot(relative);
-    let share = L::splat(friction) * push / slip.length().max(L::splat(1e-30));
+    let share = L::splat(friction) * grip * push / slip.length().max(L::splat(1e-30));
     let held = pushed - slip * share.min(L::splat(1.0));
     let inside = after.lt(zero);
     let out = n.mul_add(old.min(L::splat(DEPENETRATION * h)), x);
@@ -173,7 +178,7 @@ fn contact_round<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Su
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    ContactPoint { n, before, after: after - growth, step }
+    ContactPoint { n, before, after: after - growth, step, grip: L::splat(1.0) }
 }
 
 /// Parameter, from 0 at `a` to 1 at `b`, of that ball of a round body whose surface is nearest to `x`. The body is the

@@ -63,8 +63,9 @@ pub(crate) struct Cloth {
     pub extent: f64,
     /// Number of connected parts.
     pub parts: usize,
-    /// Length of the longest edge (m).
+    /// Length of the longest edge (m), and the mean of all.
     pub longest: f32,
+    pub mean_edge: f32,
     /// Membrane stiffness K (N/m) of the fabric times the factor of its firm edges ([`firm`]), which is 1 for most cloth.
     pub stretch: f64,
     firm: f64,
@@ -144,11 +145,11 @@ impl Cloth {
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
             check_thickness(&rest[..used], sides.max_element(), contact.thickness)?;
         }
-        let longest = mesh_edges.iter().map(|ends| {
+        let lengths = mesh_edges.iter().map(|ends| {
             let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
             a.distance(b)
         });
-        let longest = longest.fold(0.0, f64::max);
+        let (longest, sum) = lengths.fold((0.0, 0.0), |(longest, sum), length| (length.max(longest), length + sum));
         let firm = options.edge_scale.as_ref().map_or(1.0, |scales| firm(scales.iter().copied()));
         // Cloth without stiffness has no firm edges.
         let firm = if firm > 0.0 { f64::from(firm) } else { 1.0 };
@@ -201,6 +202,7 @@ impl Cloth {
             extent,
             parts,
             longest: longest as f32,
+            mean_edge: (sum / mesh_edges.len().max(1) as f64) as f32,
             stretch,
             firm,
             slivers,

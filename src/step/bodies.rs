@@ -10,7 +10,7 @@ use crate::model::cloth::Cloth;
 /// are enlarged by 1.2 times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between
 /// its ends.
 pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
-    let &Cloth { origin, longest, .. } = cloth;
+    let &Cloth { origin, longest, mean_edge, .. } = cloth;
     let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);
     // A sharp edge (radius 0) is not enlarged.
     let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
@@ -29,6 +29,7 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
             kind: contact::ROUND,
             c: [from_taper, 0.0, 0.0, 0.0],
             c_travel: [to_taper - from_taper, 0.0, 0.0, 0.0],
+            ..Body::default()
         }
     };
     match (shape, last) {
@@ -74,9 +75,20 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
                 kind: contact::BOX,
                 c: first.as_quat().to_array(),
                 c_travel: (to - first).as_quat().to_array(),
+                slick: slick(half, mean_edge),
+                ..Body::default()
             }
         }
         // The kind of shape changed, so there is no motion to interpolate.
         _ => moving(now, now, cloth),
     }
+}
+
+/// [`Body::slick`] of a box: one and a half times the mean edge of the cloth, so that a cell of a grid, with its diagonal, does
+/// not get stuck up to a friction of 1 (`rounded_box::grip`). On a box so small that little else would be left, a gripper's
+/// finger, it is a quarter of the second longest side.
+fn slick(half: Vec3, mean_edge: f32) -> f32 {
+    let mut half = half.to_array();
+    half.sort_by(f32::total_cmp);
+    (1.5 * mean_edge).min(0.5 * half[1])
 }

@@ -66,7 +66,7 @@ fn structs() -> Vec<Layout> {
         layout!(Listed { corners, lambda, other, thickness, row, next }),
         layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before, leaf_pairs, candidates, edge_candidates, space_needed, acted, passed, pinched, again, needed_carry, squeezed, jumped, shortens, cuts_more }),
         layout!(Track { start, by }),
-        layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel }),
+        layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel, slick, padding }),
     ]
 }
 

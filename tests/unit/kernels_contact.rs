@@ -27,6 +27,7 @@ fn bodies(random: &mut fastrand::Rng) -> (Body, impl Fn(DVec3, f64) -> f64 + use
         kind: if is_box { BOX } else { ROUND },
         c: if is_box { first.to_array() } else { [taper, 0.0, 0.0, 0.0] },
         c_travel: if is_box { (to - first).to_array() } else { [0.002, 0.0, 0.0, 0.0] },
+        ..Body::default()
     };
     let distance = move |x: DVec3, time: f64| {
         let at = |[from, travel]: [DVec3; 2]| from + travel * time;

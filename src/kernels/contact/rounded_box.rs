@@ -46,7 +46,22 @@ pub(super) fn contact_box<L: Lanes>(
         n = Vector::select(touch.hit, touch.n, n);
         after = L::select(touch.hit, touch.after, after);
     }
-    ContactPoint { n: turned(ends, n), before, after: after - L::splat(growth), step }
+    let grip = grip(y + dy, core + core_step, radius, body.slick);
+    ContactPoint { n: turned(ends, n), before, after: after - L::splat(growth), step, grip }
+}
+
+/// The share of the friction at `end`: it fades toward an edge whose radius is less than `slick`, the length of the cloth's edges.
+///
+/// An edge of the cloth that passes over a sharp edge cuts through the corner. Its tension pulls the vertex that is still on the
+/// side nearly perpendicularly into it, instead of along the surface and around a corner, and with `mu` of that as friction the
+/// vertex is stuck until the cloth has stretched by several times its length. A vertex at the distance `s` from the edge is pulled
+/// along the side by `s` for every `l` into it, `l` the length of the cloth's edge, so it slides if friction is below `s/l`.
+#[inline(always)]
+fn grip<L: Lanes>(end: Vector<L>, core: Vec3A, radius: f32, slick: f32) -> L {
+    let beyond = end.abs() - splat(core);
+    let second = beyond.x.min(beyond.y).max(beyond.x.max(beyond.y).min(beyond.z));
+    let from_edge = L::splat(radius) - second.min(L::splat(0.0));
+    (from_edge * L::splat(1.0 / slick.max(MIN_LENGTH))).min(L::splat(1.0))
 }
 
 /// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, and the gap computed
