@@ -45,7 +45,8 @@ const GPU_PAYS_WITH_CONTACT: usize = 4096;
 impl Engine {
     #[cfg(not(feature = "gpu"))]
     pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
-        let refuse = |backend| BuildError::NoGpu { backend, reason: "this build lacks the `gpu` feature".to_owned() };
+        let refuse =
+            |backend| BuildError::NoGpu { backend, reason: "this build lacks the `gpu` feature; build with it".to_owned() };
         match options.backend {
             Backend::Auto | Backend::Cpu => Ok(Engine::Cpu(Box::new(Cpu::new(cloth)))),
             Backend::Hybrid => Err(refuse("Backend::Hybrid")),
@@ -71,7 +72,9 @@ impl Engine {
                 GpuFault::Limit(Excess { thing, needed, limit, allowed }) => {
                     BuildError::GpuLimit { backend, thing, needed, limit, allowed }
                 }
-                GpuFault::Other(reason) => BuildError::NoGpu { backend, reason },
+                GpuFault::Other(fault) => {
+                    BuildError::NoGpu { backend, reason: format!("{fault}; install a Vulkan, Metal or DX12 driver") }
+                }
             }
         };
         Ok(match options.backend {
@@ -82,7 +85,7 @@ impl Engine {
                 Err(_) => Engine::Cpu(Box::new(Cpu::new(cloth))),
             },
             Backend::Hybrid if IN_BROWSER => {
-                let reason = "it waits for the GPU, which a browser does not".to_owned();
+                let reason = "it waits for the GPU, which a browser does not; ask for Backend::Gpu".to_owned();
                 return Err(BuildError::NoGpu { backend: "Backend::Hybrid", reason });
             }
             Backend::Hybrid => {

@@ -2,7 +2,6 @@
 
 #[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/crossings.rs"]
-#[allow(dead_code, reason = "as above")]
 mod crossings;
 #[allow(dead_code, unreachable_pub, reason = "each program of tests takes its own part")]
 #[path = "common/program.rs"]

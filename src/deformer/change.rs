@@ -16,7 +16,8 @@ impl Deformer {
     ///
     /// Positions and velocities stay, so cloth that is stretched and becomes stiffer contracts from where it is.
     /// Coefficients and coarse levels are recomputed, in less time than building the cloth. On a GPU this only writes
-    /// buffers, unless the density changes, which changes the masses (see [`Deformer::set_mass`]).
+    /// buffers, unless the density changes, which changes the masses (see [`Deformer::set_mass`]). Where masses were given for each
+    /// vertex, they stay, and the density has no effect.
     ///
     /// # Errors
     /// If a number is out of its range, or the GPU failed.

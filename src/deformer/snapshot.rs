@@ -170,7 +170,7 @@ impl Deformer {
     }
 
     /// Continues from a snapshot of this cloth, or of another one with the same mesh and options. Takes about as long
-    /// as making the snapshot.
+    /// as making the snapshot. If fabric, masses, pins or quality were changed since, change them back before.
     ///
     /// # Errors
     /// [`StateError::Other`] if the mesh or an option differs, [`StateError::Lanes`] if the processor rounds

@@ -84,11 +84,11 @@ pub enum BuildError {
         error: StepError,
     },
     /// There is no GPU for the requested backend.
-    #[error("no GPU for {backend}: {reason}; install a Vulkan, Metal or DX12 driver, or ask for the CPU")]
+    #[error("no GPU for {backend}: {reason}, or ask for the CPU")]
     NoGpu {
         /// The backend.
         backend: &'static str,
-        /// The reason given by the driver, or that the build has no GPU support.
+        /// The reason given by the driver, or that the build has no GPU support; and what to do about it.
         reason: String,
     },
     /// The device was lost before or while the cloth was created on it.
@@ -282,7 +282,9 @@ pub enum StateError {
     #[error("the snapshot was truncated or altered; use another copy, or an earlier snapshot")]
     Altered,
     /// The snapshot is of a cloth with another mesh or other options.
-    #[error("the snapshot is of a cloth whose {what} differs; make the Deformer with the mesh and the options of that cloth")]
+    #[error(
+        "the snapshot is of a cloth whose {what} differs; make the Deformer with the mesh and the options of that cloth, or set them as they were"
+    )]
     Other {
         /// The first difference: `mesh`, or the name of an option.
         what: &'static str,

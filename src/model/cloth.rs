@@ -93,6 +93,16 @@ pub(crate) struct Slivers {
 
 const SLIVER: f64 = 100.0;
 
+/// The greatest length of the edges (m), and the mean; 0 without edges.
+fn longest_and_mean(mesh: &Mesh, edges: &[[u32; 2]]) -> (f64, f64) {
+    let lengths = edges.iter().map(|ends| {
+        let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
+        a.distance(b)
+    });
+    let (longest, sum) = lengths.fold((0.0, 0.0), |(longest, sum), length| (length.max(longest), length + sum));
+    (longest, sum / edges.len().max(1) as f64)
+}
+
 /// The least length (m) of an edge, given that of the longest one.
 fn shortest(longest: f64) -> f64 {
     (1e-7 * longest).max(1e-12)
@@ -145,11 +155,7 @@ impl Cloth {
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
             check_thickness(&rest[..used], sides.max_element(), contact.thickness)?;
         }
-        let lengths = mesh_edges.iter().map(|ends| {
-            let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
-            a.distance(b)
-        });
-        let (longest, sum) = lengths.fold((0.0, 0.0), |(longest, sum), length| (length.max(longest), length + sum));
+        let (longest, mean_edge) = longest_and_mean(mesh, &mesh_edges);
         let firm = options.edge_scale.as_ref().map_or(1.0, |scales| firm(scales.iter().copied()));
         // Cloth without stiffness has no firm edges.
         let firm = if firm > 0.0 { f64::from(firm) } else { 1.0 };
@@ -202,7 +208,7 @@ impl Cloth {
             extent,
             parts,
             longest: longest as f32,
-            mean_edge: (sum / mesh_edges.len().max(1) as f64) as f32,
+            mean_edge: mean_edge as f32,
             stretch,
             firm,
             slivers,

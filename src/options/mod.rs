@@ -45,7 +45,8 @@ pub struct Options {
     /// Indices of the vertices that move only as [`Attributes::pin_targets`](crate::Attributes::pin_targets) says; each
     /// index at most once.
     pub pinned: Vec<u32>,
-    /// Mass of each vertex (kg). `None`: each triangle gives a third of its `density * area` to each of its vertices.
+    /// Mass of each vertex (kg), instead of the fabric's density. `None`: each triangle gives a third of its `density * area` to each
+    /// of its vertices.
     pub mass: Option<Vec<f32>>,
     /// Factor on `fabric.stretch` for each edge of [`Mesh::edges`](crate::Mesh::edges), 0 or above. A factor below 1 on
     /// the diagonals gives a soft shear.

@@ -138,7 +138,7 @@ impl Cloths {
         if arguments.pin.is_none() {
             let mut is_held = vec![false; piece.positions.len()];
             for (number, pin) in cloth.pin.iter().enumerate() {
-                let group = Group::read(source, number + 1, pin, &piece, template.as_ref(), first, timeline, up)?;
+                let group = Group::read(source, number + 1, pin, (&piece, first), template.as_ref(), timeline, up)?;
                 for vertex in group.vertices.iter().map(|vertex| vertex - first) {
                     if std::mem::replace(&mut is_held[vertex as usize], true) {
                         return Err(source.wrong_in(pin, format_args!("{name}: vertex {vertex} is pinned twice; name it once")));

@@ -43,9 +43,8 @@ impl Group {
         source: &Source,
         number: usize,
         given: &Spanned<file::Pin>,
-        piece: &Mesh,
+        (piece, first): (&Mesh, u32),
         obj: Option<&ObjTemplate>,
-        first: u32,
         timeline: Timeline,
         up: UpAxis,
     ) -> Result<Group, Failure> {
