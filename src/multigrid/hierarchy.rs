@@ -48,11 +48,15 @@
 //! but costs a fifth to a half more error in motion and up to twice the strain. Coarse edges that push flatten wrinkles
 //! shallower than 3 %, and cost a tenth more error at 40 substeps and nothing from 80 on.
 //!
-//! Coarse edges measure chords, not arcs: cloth that bends between two aggregates is shorter along its chord, so that they carry
-//! less of its load there, and as it swings, the fine edges stretch and shrink in turn, which takes energy. At 5 substeps the
-//! second mode of a hung sheet of 21 by 21 loses half of its amplitude in five seconds, and is slower by a tenth to a third. For
-//! the same reason a narrow strip that hangs from its end curls lengthwise: one of 11 by 41 vertices narrows by 5 % under its own
-//! weight at 5 substeps, 0.3 % at 10; with a hundredth or more of its stiffness hung on its hem by 15 % and more.
+//! The coarse edges carry nearly all of the load, along a polygon of a few straight chords, and each aggregate is pushed sideways as
+//! a block. So hung cloth swings like a chain of that many beads, and the steps between the blocks take the energy of its swings. At 5
+//! substeps the second mode of a sheet of 21 by 21 loses half of its amplitude in five seconds, and is slower by a tenth to a third.
+//! For the same reason a narrow strip that hangs from its end curls lengthwise: one of 11 by 41 vertices narrows by 5 % under its own
+//! weight at 5 substeps, 0.3 % at 10; with a hundredth or more of its stiffness hung on its hem by 15 % and more. Three cures were
+//! tried. Rest lengths of coarse edges that follow the mean strain of the fine ones crumple the cloth, and smooth weights change
+//! little. Spread over the fine edges between its aggregates, each along its own direction, a coarse edge's impulse gives the right
+//! frequency and keeps three quarters or more of most amplitudes, but needs six numbers for each fine edge and, as it is explicit, a
+//! bound on the tension beyond which the chords take the rest. It would double the cost of a substep.
 //!
 //! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. In wide cloth at
 //! rest nothing feeds such wrinkles, but wind does: the excess length of the fine edges, half or less of what it would be,
