@@ -140,7 +140,8 @@ fn no_vertex_inside_a_box(backend: Backend) {
 }
 
 /// A towel hangs half over the sharp edge of a table and is pulled back onto it at 0.3 m/s. With full friction up to the edge,
-/// its vertices would get stuck on the side of the table: the towel stretches by a third here, and at 80 substeps snaps up at 200 m/s.
+/// its vertices would get stuck on the side of the table: the towel would stretch by a third here, and one of 31 by 31 vertices by
+/// twice its length at the default quality, before it snaps up at 200 m/s.
 fn a_towel_comes_back_over_the_edge_of_a_table(backend: Backend) {
     let (columns, table) = (21, Vec3::new(0.5, 0.1, 0.5));
     let mut mesh = Mesh::grid(columns, columns, 0.4, 0.4);
@@ -163,7 +164,7 @@ fn a_towel_comes_back_over_the_edge_of_a_table(backend: Backend) {
             fastest = deformer.velocities().unwrap().iter().map(|v| v.length()).fold(fastest, f32::max);
         }
     }
-    assert!(worst < 0.1 && fastest < 8.0, "stretched by {worst}, up to {fastest} m/s");
+    assert!(worst < 0.1 && fastest < 6.0, "stretched by {worst}, up to {fastest} m/s");
     assert!(deformer.positions().unwrap().iter().all(|x| x.y > -1e-6), "all of it is on the table");
 }
 

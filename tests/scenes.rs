@@ -239,7 +239,6 @@ damping = 1000
     assert!((fallen - 3.0 * time * time).abs() < 0.02 * fallen, "fallen by {fallen} m");
 }
 
-/// Gusts are the same in every run with one seed, differ for another, and stay within their strength.
 /// The same scene with z up gives the same frames, turned: the grid, its far side, the floor and the default normal of a plane.
 #[test]
 fn z_is_up_where_gravity_acts_along_it() {
@@ -271,6 +270,7 @@ fn z_is_up_where_gravity_acts_along_it() {
     assert!(differing < one.len() / 200, "{differing} of {} numbers of the pictures differ", one.len());
 }
 
+/// Gusts are the same in every run with one seed, differ for another, and stay within their strength.
 #[test]
 fn gusts_have_a_seed() {
     let text = |seed: u32| {

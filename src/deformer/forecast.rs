@@ -3,7 +3,7 @@
 use super::{Deformer, StepDecision};
 use crate::attributes::Attributes;
 use crate::error::StepError;
-use crate::model::cloth::Slivers;
+use crate::model::links::Slivers;
 use crate::options::{Method, Options, Warning};
 use crate::step::coefficients::Coefficients;
 use crate::step::substep_count::{Division, FRAMES, Rates};

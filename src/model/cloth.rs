@@ -16,10 +16,10 @@ use crate::kernels::statistics::StrainGauge;
 use crate::kernels::wind::Panel;
 use crate::model::bending::Bending;
 use crate::model::checks::{check_mesh, check_options, check_thickness};
-use crate::model::coloring;
 use crate::model::csr::Csr;
 use crate::model::extents::{Extents, extents};
-use crate::model::link::{Link, firm};
+use crate::model::link::Link;
+use crate::model::links::{Links, Slivers, shortest, sort_by_color};
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
 use crate::model::shells::in_shells;
@@ -82,32 +82,6 @@ pub(crate) struct Cloth {
     gauges: OnceLock<Vec<StrainGauge>>,
 }
 
-/// Counts edges whose triangles are over 100 times as high as the edge is long, `(A1 + A2)/l0²` above [`SLIVER`], and edges without
-/// length.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Slivers {
-    pub edges: usize,
-    /// The edge with the highest triangles relative to its length, by the mesh's indices.
-    pub worst: [u32; 2],
-}
-
-const SLIVER: f64 = 100.0;
-
-/// The greatest length of the edges (m), and the mean; 0 without edges.
-fn longest_and_mean(mesh: &Mesh, edges: &[[u32; 2]]) -> (f64, f64) {
-    let lengths = edges.iter().map(|ends| {
-        let [a, b] = ends.map(|vertex| mesh.positions[vertex as usize].as_dvec3());
-        a.distance(b)
-    });
-    let (longest, sum) = lengths.fold((0.0, 0.0), |(longest, sum), length| (length.max(longest), length + sum));
-    (longest, sum / edges.len().max(1) as f64)
-}
-
-/// The least length (m) of an edge, given that of the longest one.
-fn shortest(longest: f64) -> f64 {
-    (1e-7 * longest).max(1e-12)
-}
-
 /// The triangles with their masses for aerodynamic forces, and the triangles at each vertex.
 #[derive(Debug, Clone)]
 pub(crate) struct Panels {
@@ -155,36 +129,8 @@ impl Cloth {
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
             check_thickness(&rest[..used], sides.max_element(), contact.thickness)?;
         }
-        let (longest, mean_edge) = longest_and_mean(mesh, &mesh_edges);
-        let firm = options.edge_scale.as_ref().map_or(1.0, |scales| firm(scales.iter().copied()));
-        // Cloth without stiffness has no firm edges.
-        let firm = if firm > 0.0 { f64::from(firm) } else { 1.0 };
-        let stretch = f64::from(options.fabric.stretch) * firm;
-        let mut links: Vec<Link> = Vec::with_capacity(mesh_edges.len());
-        let (mut slivers, mut worst_aspect) = (Slivers::default(), 0.0);
-        for (index, &named) in mesh_edges.iter().enumerate() {
-            let [a, b] = named.map(|vertex| rank[vertex as usize]);
-            let ends = [a.min(b), a.max(b)];
-            let length = rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
-            // Coincident vertices have no direction. A tiny length in place of 0 keeps the arithmetic finite.
-            let least = shortest(longest);
-            let is_too_short = length < least;
-            let length = length.max(least);
-            // An edge without area (a thread, a degenerate triangle) gets that of a square of its length.
-            let area = if side_area[index] > 0.0 { side_area[index] } else { length * length };
-            let aspect = area / (length * length);
-            let sliver = if is_too_short { f64::INFINITY } else { aspect };
-            if sliver > SLIVER {
-                slivers.edges += 1;
-                if sliver > worst_aspect {
-                    (slivers.worst, worst_aspect) = (named, sliver);
-                }
-            }
-            let scale = options.edge_scale.as_ref().map_or(1.0, |scale| scale[index]);
-            let shape = f64::from(scale) / firm * aspect;
-            let stiffness = if shape == 0.0 { 0.0 } else { stretch * shape };
-            links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
-        }
+        let Links { list: mut links, longest, mean_edge, firm, stretch, slivers } =
+            Links::new(&mesh_edges, &rank, &rest, &side_area, options);
         let Extents { sides: extents, extent, parts } =
             extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
         let colors = sort_by_color(&mut links, &rest, &inverse_mass, &in_shell);
@@ -423,23 +369,6 @@ pub(crate) enum Change {
     Masses,
     /// Also which edges are swept, and thus their order.
     Edges,
-}
-
-/// Colors the edges with a free vertex and sorts them by color, those of shells first, with the others after them. Returns
-/// the range of each color.
-fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32], in_shell: &[bool]) -> Vec<Range<usize>> {
-    let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
-    links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
-    let free = links.partition_point(is_free);
-    let ends: Vec<[u32; 2]> = links[..free].iter().map(|link| link.ends).collect();
-    let colors = coloring::color(&ends, rest).batches();
-    let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
-    links[..free].copy_from_slice(&sorted);
-    let colors: Vec<Range<usize>> = colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect();
-    if !in_shell.is_empty() {
-        colors.iter().for_each(|color| links[color.clone()].sort_by_key(|link| !in_shell[link.ends[0] as usize]));
-    }
-    colors
 }
 
 /// The origin of the local coordinates. It is 0 unless the mesh is far from 0, and such that subtracting it is exact.

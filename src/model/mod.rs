@@ -10,6 +10,7 @@ pub(crate) mod disjoint_sets;
 mod extents;
 pub(crate) mod flat_parts;
 pub(crate) mod link;
+pub(crate) mod links;
 mod masses;
 pub(crate) mod mesh;
 pub(crate) mod shells;

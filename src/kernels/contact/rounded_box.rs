@@ -50,12 +50,13 @@ pub(super) fn contact_box<L: Lanes>(
     ContactPoint { n: turned(ends, n), before, after: after - L::splat(growth), step, grip }
 }
 
-/// The share of the friction at `end`: it fades toward an edge whose radius is less than `slick`, the length of the cloth's edges.
+/// The share of the friction at `end`: it fades toward an edge whose radius is less than `slick`.
 ///
 /// An edge of the cloth that passes over a sharp edge cuts through the corner. Its tension pulls the vertex that is still on the
 /// side nearly perpendicularly into it, instead of along the surface and around a corner, and with `mu` of that as friction the
 /// vertex is stuck until the cloth has stretched by several times its length. A vertex at the distance `s` from the edge is pulled
-/// along the side by `s` for every `l` into it, `l` the length of the cloth's edge, so it slides if friction is below `s/l`.
+/// along the side by `s` for every `l` into it, `l` the length of the cloth's edge, so it slides if friction is below `s/l`: at any
+/// distance if friction is `mu s/slick`, with `mu` below `slick/l`.
 #[inline(always)]
 fn grip<L: Lanes>(end: Vector<L>, core: Vec3A, radius: f32, slick: f32) -> L {
     let beyond = end.abs() - splat(core);
