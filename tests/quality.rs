@@ -567,6 +567,35 @@ fn cloth_that_wind_stretches_by_itself_is_not_blamed() {
     assert!((length / span - 1.0 - expected).abs() < 0.1 * expected, "{}", length / span - 1.0);
 }
 
+/// Soft cloth that hangs from one or two pins stretches by its own stiffness, as far with many substeps. None are blamed; but pins that
+/// go apart are.
+#[test]
+fn soft_cloth_that_lone_pins_stretch_is_not_blamed() {
+    let n = 21;
+    let mesh = Mesh::grid(n, n, 1.0, 1.0);
+    let fabric = Fabric { stretch: 60.0, ..Fabric::JERSEY };
+    let missed = |report: &StepReport| report.warnings.iter().any(|warning| matches!(warning, Warning::StrainMissed { .. }));
+    for (pinned, apart) in [(vec![0], 0.0), (vec![0, n - 1], 0.0), (vec![0, n - 1], 0.5)] {
+        let run = |quality: Quality| {
+            let options = Options { backend: Backend::Cpu, pinned: pinned.clone(), fabric, quality, ..Options::default() };
+            let mut cloth = Deformer::new(&mesh, options).unwrap();
+            let step = |frame: u32| {
+                let by = apart * frame.min(120) as f32 / 120.0;
+                let led = |&pin: &u32| mesh.positions[pin as usize] + Vec3::X * if pin > 0 { by } else { 0.0 };
+                let pin_targets = Some(pinned.iter().map(led).collect());
+                let attributes = Attributes { pin_targets, damping: 0.5, ..Attributes::default() };
+                missed(&cloth.step(FRAME, &attributes).unwrap())
+            };
+            let said = (0..240).map(step).filter(|&missed| missed).count();
+            (said, cloth.measure().unwrap().stretch_share)
+        };
+        let ((said, stretch), (_, resolved)) = (run(Quality::default()), run(Quality::Substeps(60)));
+        println!("{} pins, {apart} m apart: {said} frames missed, stretched by {stretch}, resolved by {resolved}", pinned.len());
+        assert!((stretch / resolved - 1.0).abs() < 0.3 && resolved > 0.05, "stretched by {stretch}, resolved by {resolved}");
+        assert_eq!(said > 0, apart > 0.0, "{said} frames are said to be missed");
+    }
+}
+
 /// A tool that sets the same options in every frame changes nothing, also where substeps are chosen for each step.
 #[test]
 fn options_set_to_the_same_in_every_frame_change_nothing() {

@@ -61,6 +61,8 @@ pub(crate) struct Cloth {
     pub extents: DVec3,
     /// How far (m) any part spans between what holds it ([`extents`](crate::model::extents)).
     pub extent: f64,
+    /// How far (m) a hundredth of the vertices is from a pin at most; 0 without pins.
+    pub near: f64,
     /// Number of connected parts.
     pub parts: usize,
     /// Length of the longest edge (m), and the mean of all.
@@ -131,7 +133,7 @@ impl Cloth {
         }
         let Links { list: mut links, longest, mean_edge, firm, stretch, slivers } =
             Links::new(&mesh_edges, &rank, &rest, &side_area, options);
-        let Extents { sides: extents, extent, parts } =
+        let Extents { sides: extents, extent, near, parts } =
             extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
         let colors = sort_by_color(&mut links, &rest, &inverse_mass, &in_shell);
         let bending_scale =
@@ -152,6 +154,7 @@ impl Cloth {
             sides,
             extents,
             extent,
+            near,
             parts,
             longest: longest as f32,
             mean_edge: mean_edge as f32,
@@ -196,8 +199,8 @@ impl Cloth {
             Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass, &self.in_shell),
             _ => self.colors.clone(),
         };
-        let Extents { sides: extents, extent, parts } = match change {
-            Change::Stiffness => Extents { sides: self.extents, extent: self.extent, parts: self.parts },
+        let Extents { sides: extents, extent, near, parts } = match change {
+            Change::Stiffness => Extents { sides: self.extents, extent: self.extent, near: self.near, parts: self.parts },
             _ => extents(&positions[..self.used], &links, |vertex| inverse_mass[vertex as usize] == 0.0),
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
@@ -213,6 +216,7 @@ impl Cloth {
             density,
             extents,
             extent,
+            near,
             parts,
             stretch,
             bending_scale: self.bending_scale.clone(),

@@ -18,6 +18,8 @@ pub(crate) struct Extents {
     /// How far (m) any part spans: twice the longest way along edges to the nearest pin, or across its bounding box if that
     /// is less.
     pub extent: f64,
+    /// How far (m) along edges a hundredth of the vertices is from a pin at most; 0 without pins.
+    pub near: f64,
     /// Number of connected parts.
     pub parts: usize,
 }
@@ -29,6 +31,7 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
     let part = DisjointSets::parts(rest.len(), links.iter().map(|link| link.ends));
     let pins: Vec<u32> = (0..vertices).filter(|&vertex| is_pinned(vertex)).collect();
     let distance = if pins.is_empty() { Vec::new() } else { distances(rest.len(), links, &pins) };
+    let near = nearest_hundredth(distance.clone());
     let by_part = Csr::new(rest.len(), part.iter().copied().zip(0..vertices));
     let extents = by_part.spans.iter().map(|span| {
         let vertices = &by_part.items[span.start as usize..span.end as usize];
@@ -38,10 +41,25 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
         let across = sides.max_element();
         // Cloth that is held on two sides hangs from both. A part without pins has infinite distances, if any.
         let extent = if distance.is_empty() { across } else { across.min(2.0 * farthest) };
-        Extents { sides: sides.min(DVec3::splat(extent)), extent, parts: usize::from(!vertices.is_empty()) }
+        Extents { sides: sides.min(DVec3::splat(extent)), extent, near, parts: usize::from(!vertices.is_empty()) }
     });
-    let none = Extents { sides: DVec3::ZERO, extent: 0.0, parts: 0 };
-    extents.fold(none, |a, b| Extents { sides: a.sides.max(b.sides), extent: a.extent.max(b.extent), parts: a.parts + b.parts })
+    let none = Extents { sides: DVec3::ZERO, extent: 0.0, near, parts: 0 };
+    extents.fold(none, |a, b| Extents {
+        sides: a.sides.max(b.sides),
+        extent: a.extent.max(b.extent),
+        parts: a.parts + b.parts,
+        ..a
+    })
+}
+
+/// The distance that a hundredth of some does not exceed; 0 without any, or if it is infinite.
+fn nearest_hundredth(mut distance: Vec<f64>) -> f64 {
+    if distance.is_empty() {
+        return 0.0;
+    }
+    let hundredth = distance.len() / 100;
+    let near = *distance.select_nth_unstable_by(hundredth, f64::total_cmp).1;
+    if near.is_finite() { near } else { 0.0 }
 }
 
 /// The length (m) of the shortest way along edges from each vertex to a pin (Dijkstra 1959); infinite if there is none.

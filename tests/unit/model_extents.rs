@@ -7,7 +7,7 @@ use super::*;
 
 fn extents_of(mesh: &Mesh, pinned: &[u32]) -> Extents {
     let cloth = Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..Options::default() }).unwrap();
-    Extents { sides: cloth.extents, extent: cloth.extent, parts: cloth.parts }
+    Extents { sides: cloth.extents, extent: cloth.extent, near: cloth.near, parts: cloth.parts }
 }
 
 fn assert_near(found: Extents, sides: [f64; 3], extent: f64) {
@@ -47,4 +47,18 @@ fn a_wide_curtain_on_hooks_is_as_high_as_a_narrow_one() {
     let hooks: Vec<u32> = (0..401).step_by(10).collect();
     let found = extents_of(&curtain, &hooks);
     assert!((2.0..3.2).contains(&found.extent) && found.sides.z > 0.999, "{found:?}");
+}
+
+/// A hundredth of a square sheet lies in a quarter of a circle about one corner, in two about two, in a strip along an edge.
+#[test]
+fn how_far_a_hundredth_of_the_cloth_is_from_its_pins() {
+    let n = 101;
+    let mesh = Mesh::grid(n, n, 1.0, 1.0);
+    let near = |pinned: &[u32]| extents_of(&mesh, pinned).near;
+    let circle = |quarters: f64| (0.04 / (std::f64::consts::PI * quarters)).sqrt();
+    // Ways along edges are longer than straight ones, by up to 41 % across the diagonals.
+    for (pinned, exact) in [(vec![0], circle(1.0)), (vec![0, n - 1], circle(2.0)), (vec![n * n / 2], circle(4.0))] {
+        assert!((0.95..1.2).contains(&(near(&pinned) / exact)), "{pinned:?}: {} m, {exact} m", near(&pinned));
+    }
+    assert!((near(&(0..n).collect::<Vec<_>>()) - 0.01).abs() < 1e-6 && near(&[]) == 0.0);
 }
