@@ -221,7 +221,7 @@ impl Binding {
     }
 
     /// Sets `render` to the positions (m) of the render mesh's vertices for the cloth's positions `cloth` (m), both in
-    /// their mesh's order.
+    /// their mesh's order. Where a position of the cloth is not finite, neither are those of the vertices bound to it.
     ///
     /// # Errors
     /// If either length is not that mesh's number of vertices; `render` is then unchanged.

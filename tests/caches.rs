@@ -71,6 +71,7 @@ fn forms_that_cannot_be_are_refused() {
     let faces = |faces: &[&[u32]]| textured(faces, &[]);
     for (form, words) in [
         (CacheForm::Mdd { fps: 0.0 }, ["fps = 0", "above 0"]),
+        (CacheForm::Mdd { fps: 1e-45 }, ["fps = 0.00", "2 samples"]),
         (CacheForm::Mdd { fps: f32::NAN }, ["fps = NaN", "finite"]),
         (faces(&[&[0, 1, 2], &[0, 1, 4]]), ["face 1", "4 vertices"]),
         (faces(&[&[0, 1]]), ["face 0", "three"]),

@@ -147,6 +147,20 @@ fn what_cannot_be_tuned_is_refused() {
     let broken = |frame| Attributes { gravity: Vec3::Y * if frame == 3 { f32::NAN } else { -9.81 }, ..Attributes::default() };
     let refused = tune(&mesh, &options, broken, 5, Tolerance::Position(1.0)).unwrap_err();
     assert!(matches!(refused, BuildError::Step { frame: 3, error: StepError::Attribute { .. } }), "{refused}");
+    let nowhere = Mesh { triangles: vec![[0, 1, 99]], ..mesh.clone() };
+    let refused = tune(&nowhere, &options, still, 5, Tolerance::Position(1.0)).unwrap_err();
+    assert!(matches!(refused, BuildError::Index { .. }), "{refused}");
     let refused = tune(&mesh, &Options { pinned: vec![99], ..options }, still, 5, Tolerance::Position(1.0)).unwrap_err();
     assert!(matches!(refused, BuildError::Pin { .. }), "{refused}");
+}
+
+/// Cloth of which nothing moves has no stability limit, and any setting will do.
+#[test]
+fn cloth_that_is_pinned_everywhere_can_be_tuned() {
+    let (mesh, options) = hung(5, membrane());
+    let options = Options { pinned: (0..25).collect(), ..options };
+    for tolerance in [Tolerance::Position(0.01), Tolerance::Strain(0.01)] {
+        let tuned = tune(&mesh, &options, |_| Attributes::default(), 4, tolerance).unwrap();
+        assert!(tuned.kept && tuned.best.error == 0.0, "{}", tuned.best.error);
+    }
 }

@@ -101,7 +101,10 @@ pub(crate) fn read<Arguments: Parser>() -> Result<Result<Arguments, clap::Error>
         Err(error) => {
             let text = error.to_string();
             let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();
-            Err(Failure::input(format_args!("{}; see --help", text.trim_start_matches("error: "))))
+            Err(Failure::input(format_args!(
+                "{}; see --help",
+                text.trim_start_matches("error: ").replace("\n\n  tip:", "; tip:")
+            )))
         }
     }
 }

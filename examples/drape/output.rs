@@ -54,7 +54,7 @@ impl Output {
     /// Fails now if the file could not be written later.
     pub(crate) fn reserve(path: &Path) -> Result<Output, Failure> {
         if path.file_name().is_none() {
-            return Err(unwritable(path, "it names no file"));
+            return Err(unwritable(path, "the path is empty, or ends in a directory"));
         }
         if path.is_dir() {
             return Err(unwritable(path, "it is a directory"));

@@ -130,8 +130,8 @@ fn title(warning: &Warning) -> Option<&'static str> {
     }
 }
 
-/// Warns if a free vertex begins deeper inside a collider than edges are long on average: it is pushed out in the first
-/// step, which tears at its neighbors. Pins may be inside.
+/// Warns if a free vertex begins deeper inside a collider than edges are long on average: it is pushed out by
+/// 1 m/s, which tears at its neighbors. Pins may be inside.
 pub(crate) fn begins_inside(mesh: &Mesh, pinned: &[u32], colliders: &[Collider]) -> Option<String> {
     let edges = mesh.edges();
     let length = |&[a, b]: &[u32; 2]| mesh.positions[a as usize].distance(mesh.positions[b as usize]);
@@ -144,6 +144,6 @@ pub(crate) fn begins_inside(mesh: &Mesh, pinned: &[u32], colliders: &[Collider])
     let depths = free.flat_map(|(vertex, x)| solid().map(move |(number, collider)| (-collider.distance(*x), vertex, number)));
     let (depth, vertex, number) = depths.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|&(depth, ..)| depth > mean)?;
     Some(format!(
-        "the cloth begins inside collider {number}, vertex {vertex} by {depth:.3} m, and is pushed out in the first step; move one of them, or give the collider a start outside and a preroll"
+        "the cloth begins inside collider {number}, vertex {vertex} by {depth:.3} m, and is pushed out at 1 m/s; move one of them, or give the collider a start outside and a preroll"
     ))
 }

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use crate::attributes::{Attributes, Collider, Shape};
 use crate::error::StepError;
-use crate::kernels::limits::{MAX_VERTICES, is_bounded};
+use crate::kernels::limits::{MAX_POSITION, MAX_VERTICES, is_bounded};
 use crate::model::mesh::Mesh;
 
 /// Up to so many colliders, each id is compared with each, which needs no memory.
@@ -48,9 +48,9 @@ impl Attributes {
 
 impl Collider {
     fn validate(&self, index: usize) -> Result<(), StepError> {
-        let above_0 = |name: &str, radius: f32| match radius > 0.0 && radius.is_finite() {
+        let above_0 = |name: &str, radius: f32| match radius > 0.0 && radius <= MAX_POSITION {
             true => Ok(()),
-            false => Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be finite and above 0 m")),
+            false => Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be above 0 m and at most 1e15 m")),
         };
         let positive = |radius: f32| above_0("radius", radius);
         not_negative(format_args!("colliders[{index}].friction"), self.friction)?;

@@ -85,12 +85,13 @@ impl Deformer {
     /// Colliders are forgotten: those of the next step have no velocity unless [`Deformer::place_colliders`] is called again.
     ///
     /// # Errors
-    /// If a list has the wrong length, or a value is not finite or beyond 1e15; the state is then unchanged.
+    /// If a list has the wrong length, or a value is not finite or beyond 1e15, as it is or relative to
+    /// [`Deformer::origin`]; the state is then unchanged.
     pub fn set_state(&mut self, positions: &[Vec3], velocities: &[Vec3]) -> Result<(), StepError> {
         let vertices = self.cloth.rest.len();
-        for (name, list) in [("positions", positions), ("velocities", velocities)] {
+        for (name, list, origin) in [("positions", positions, self.cloth.origin), ("velocities", velocities, Vec3::ZERO)] {
             let problem = if list.len() == vertices {
-                let index = list.iter().position(|value| !is_bounded(*value));
+                let index = list.iter().position(|value| !(is_bounded(*value) && is_bounded(*value - origin)));
                 index.map(|index| format!("[{index}] is {}", list[index]))
             } else {
                 Some(format!("{} values", list.len()))

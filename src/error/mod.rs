@@ -131,7 +131,7 @@ pub enum BuildError {
 #[non_exhaustive]
 pub enum StepError {
     /// The time step is not finite or too short.
-    #[error("dt = {dt} s; the time step must be 0, or finite and at least {least} s", least = crate::kernels::limits::MIN_TIME_STEP)]
+    #[error("dt = {dt} s; the time step must be finite and at least {least} s, or 0 for a step that only checks", least = crate::kernels::limits::MIN_TIME_STEP)]
     TimeStep {
         /// The time step (s).
         dt: f32,

@@ -82,6 +82,12 @@ impl CacheForm {
             }
             CacheForm::Mdd { fps } => {
                 check_rate(*fps)?;
+                if !((samples as f64 / f64::from(*fps)) as f32).is_finite() {
+                    let problem = format!(
+                        "fps = {fps}; {samples} samples take more seconds than single precision holds; give a higher rate"
+                    );
+                    return Err(PointCacheError::Form { problem });
+                }
                 let mut header = [few_samples.to_be_bytes(), few_vertices.to_be_bytes()].concat();
                 let times = (0..samples).map(|sample| (sample as f64 / f64::from(*fps)) as f32);
                 header.extend(times.flat_map(f32::to_be_bytes));

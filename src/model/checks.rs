@@ -8,6 +8,9 @@ use crate::model::masses::is_mass;
 use crate::model::mesh::Mesh;
 use crate::options::Options;
 
+/// The smallest areal density (kg/m²) with which triangles of ordinary size have masses in the range of single precision.
+const LIGHTEST: f32 = 1e-20;
+
 /// Checks the number and the range of positions, and the triangles' indices.
 pub(crate) fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
     let vertices = mesh.positions.len();
@@ -69,10 +72,10 @@ pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) ->
         true => Ok(()),
         false => Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }),
     };
-    let positive = |x: f32| x > 0.0 && x.is_finite();
     let not_negative: fn(f32) -> bool = |x| x >= 0.0 && x.is_finite();
     let fabric = options.fabric;
-    value("fabric.density", fabric.density, positive(fabric.density), "must be finite and above 0 kg/m2")?;
+    let is_density = (LIGHTEST..=f32::MAX).contains(&fabric.density);
+    value("fabric.density", fabric.density, is_density, "must be finite and at least 1e-20 kg/m2")?;
     value("fabric.stretch", fabric.stretch, fabric.stretch > 0.0, "must be above 0 N/m, or infinite for inextensible")?;
     value("fabric.bending", fabric.bending, not_negative(fabric.bending), "must be finite and 0 N m or above")?;
     value("fabric.damping", fabric.damping, not_negative(fabric.damping), "must be finite and 0 s or above")?;
@@ -95,7 +98,7 @@ pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) ->
     };
     if let Some(mass) = &options.mass {
         length("mass", mass, vertices, "vertices")?;
-        each("mass", mass, is_mass, "must be finite and above 0 kg; use `pinned` for a fixed vertex")?;
+        each("mass", mass, is_mass, "must be from 1.2e-38 to 8.5e37 kg; use `pinned` for a fixed vertex")?;
     }
     if let Some(scale) = &options.edge_scale {
         length("edge_scale", scale, edges, "edges")?;

@@ -11,7 +11,7 @@ use crate::record::{Recorded, Tape, Unreadable};
 /// A triangle mesh: vertex positions (m) and vertex indices, three a triangle.
 ///
 /// Any triangles will do: open or closed, several pieces, edges with three or more triangles, vertices that no triangle
-/// uses, which stay where they are (in a mesh without edges all fall as points). A triangle that names a vertex twice is an
+/// uses, which stay where they are, up to rounding if the cloth is far from them (in a mesh without edges all fall as points). A triangle that names a vertex twice is an
 /// edge without area: a thread.
 /// [`Deformer::new`](crate::Deformer::new) checks indices and positions.
 #[derive(Debug, Clone, Default)]

@@ -11,7 +11,7 @@
 /// that fields added later do not break your code.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fabric {
-    /// Areal density (kg/m²); above 0.
+    /// Areal density (kg/m²); at least 1e-20.
     pub density: f32,
     /// Membrane stiffness K (N/m): tension per width and strain along the rows of a grid, above 0. [`f32::INFINITY`] means
     /// inextensible.

@@ -62,8 +62,8 @@ impl Scene<'_> {
 
     /// The frames whose states are compared: twice [`COMPARED`], or all if the scene has fewer.
     fn compared_frames(&self) -> Vec<u32> {
-        let count = 2 * COMPARED as u32;
-        let mut frames: Vec<u32> = (1..=count).map(|k| (self.frames * k).div_ceil(count)).collect();
+        let count = 2 * COMPARED as u64;
+        let mut frames: Vec<u32> = (1..=count).map(|k| (u64::from(self.frames) * k).div_ceil(count) as u32).collect();
         frames.dedup();
         frames
     }

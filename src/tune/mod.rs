@@ -16,6 +16,7 @@ use std::fmt::{self, Display, Formatter};
 
 use crate::attributes::Attributes;
 use crate::error::BuildError;
+use crate::model::checks::check_mesh;
 use crate::model::mesh::{Mesh, has_edges};
 use crate::options::{Levels, Method, Options, Quality, Tethers};
 use clip::Scene;
@@ -172,6 +173,7 @@ pub fn tune(
     if frames < 2 {
         return Err(value("frames", frames.to_string(), "must be at least 2"));
     }
+    check_mesh(mesh)?;
     let edges = mesh.edges();
     let has_edges = has_edges(&edges, mesh.positions.len());
     let is_compared = |(_, has_edges): &(u32, bool)| *has_edges || edges.is_empty();

@@ -187,7 +187,7 @@ impl<'a> Search<'a> {
         self.halve(relaxed, fitting(OF_RELAXATION))?;
         let springs = Setting { method: Method::Springs, levels: Levels::Off, ..plain };
         let needed = cloth.explicit_substeps(&springs.options(self.scene.options));
-        if needed <= fitting(OF_SPRINGS) {
+        if (1..=fitting(OF_SPRINGS)).contains(&needed) {
             self.try_out(springs.with_substeps(needed))?;
         }
         Ok(())

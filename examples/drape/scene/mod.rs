@@ -242,11 +242,11 @@ fn solver(arguments: &Arguments, scene: Option<(&Source, &File)>) -> Result<Opti
     if named.len() > 1 || (file.share.is_some() && strain.is_none()) {
         return Err(wrong("give one of substeps, strain and budget, and a share to a strain alone"));
     }
-    if file.substeps.is_some_and(|count| count.0 > MAX_SUBSTEPS) {
-        return Err(wrong("substeps must be 1 to 65536"));
+    if let Some(count) = file.substeps.filter(|count| count.0 > MAX_SUBSTEPS) {
+        return Err(wrong(&format!("substeps = {}; must be from 1 to 65536", count.0)));
     }
-    if file.share.is_some_and(|share| !(0.5..=1.0).contains(&share.0)) {
-        return Err(wrong("share must be from 0.5 to 1; 0.99 is usual"));
+    if let Some(share) = file.share.filter(|share| !(0.5..=1.0).contains(&share.0)) {
+        return Err(wrong(&format!("share = {}; must be from 0.5 to 1, 0.99 is usual", share.0)));
     }
     let quality = match (arguments.substeps, arguments.strain) {
         (Some(substeps), _) => Quality::Substeps(substeps),

@@ -156,23 +156,37 @@ pub(crate) fn maybe<'de, T: Value, D: Deserializer<'de>>(deserializer: D) -> Res
 }
 
 /// A number, or a list of numbers.
-#[derive(serde::Deserialize)]
-#[serde(from = "OneOrMore")]
 struct Numbers(Vec<f64>);
 
-#[derive(serde::Deserialize)]
-#[serde(untagged, expecting = "it is no number and no list of numbers")]
-enum OneOrMore {
-    One(f64),
-    More(Vec<f64>),
+impl<'de> Deserialize<'de> for Numbers {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Numbers, D::Error> {
+        deserializer.deserialize_any(NumbersVisitor)
+    }
 }
 
-impl From<OneOrMore> for Numbers {
-    fn from(numbers: OneOrMore) -> Numbers {
-        Numbers(match numbers {
-            OneOrMore::One(number) => vec![number],
-            OneOrMore::More(numbers) => numbers,
-        })
+struct NumbersVisitor;
+
+impl<'de> Visitor<'de> for NumbersVisitor {
+    type Value = Numbers;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number, or a list of numbers in brackets, [.., ..]")
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Numbers, E> {
+        Ok(Numbers(vec![number]))
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Numbers, E> {
+        Ok(Numbers(vec![number as f64]))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Numbers, A::Error> {
+        let mut numbers = Vec::new();
+        while let Some(number) = items.next_element()? {
+            numbers.push(number);
+        }
+        Ok(Numbers(numbers))
     }
 }
 

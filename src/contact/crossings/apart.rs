@@ -35,7 +35,11 @@ struct Pair {
 /// Moves apart what touches. Returns the vertices that move, with their new positions (m).
 pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bool) -> Vec<(u32, Vec4)> {
     let (x, normals) = features.in_general_position();
-    let found = pierced(features.edges, features.triangles, &x, &mut { usize::MAX }, &may_collide);
+    let mut room = ROOM * features.triangles.len();
+    let found = pierced(features.edges, features.triangles, &x, &mut room, &may_collide);
+    if room == 0 {
+        return Vec::new();
+    }
     let mut touches = Touches::new(features, x, normals, &may_collide);
     // What really intersects stays as it is; contact ignores it.
     let crossing = touches.left_out_of(found);

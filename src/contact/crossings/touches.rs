@@ -19,7 +19,7 @@ const MOVE: f64 = 2.0;
 const ROUNDS: usize = 64;
 /// Room for pairs of boxes that are compared, besides a share for each feature. It suffices for anything but cloth that is
 /// crammed into one place, of which all intersections count.
-const ROOM: [usize; 2] = [10_000_000, 256];
+const ROOM: [usize; 2] = [1_000_000, 256];
 
 impl Features<'_> {
     /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
