@@ -162,13 +162,13 @@ impl Controller {
     }
 
     /// Updates the factor from the measured stretch beyond the fabric's own in a step of `dt` (s), for which the law with a
-    /// factor of 1 predicts `law`. While something `holds` the cloth so that more substeps hardly shorten it, the factor does not
-    /// rise, and falls at most to the first one.
+    /// factor of 1 predicts `law`. While something `holds` the cloth so that more substeps hardly shorten it, the factor is at
+    /// most the first one.
     pub(crate) fn learn(&mut self, law: f64, excess: f64, caution: Caution, dt: f32, holds: bool) {
         let faded = self.factor * (-f64::from(dt) / caution.memory).exp();
+        let seen = if law > NOTHING { excess / law } else { 0.0 };
         let most = if holds { caution.first_factor.min(self.factor) } else { f64::INFINITY };
-        let seen = if law > NOTHING { (excess / law).min(most) } else { 0.0 };
-        self.factor = faded.max(seen).max(NOTHING);
+        self.factor = faded.max(seen).min(most).max(NOTHING);
     }
 }
 

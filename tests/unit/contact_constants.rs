@@ -35,6 +35,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("FARTHER", Literal::F32(truncation::FARTHER)),
         ("COINCIDENT", Literal::F32(pinches::COINCIDENT)),
         ("CLOSER", Literal::F32(carry::CLOSER)),
+        ("CLOSEST", Literal::F32(carry::CLOSEST)),
         ("NEAR", Literal::F32(bodies::NEAR)),
         ("SAMPLES", Literal::U32(paths::SAMPLES as u32)),
         ("BISECTIONS", Literal::U32(pinches::BISECTIONS)),

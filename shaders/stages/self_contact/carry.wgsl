@@ -2,6 +2,8 @@
 
 // A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps.
 const CLOSER: f32 = 0.5;
+// .. or if it shrinks at all, and to less than this share of the thickness.
+const CLOSEST: f32 = 0.004;
 
 const LANES: u32 = 256u;
 // The sum of weights, which is free after the response (`finish` has cleared it): 1 + the vertex that carries this one.
@@ -46,8 +48,10 @@ fn is_run_over(pair: Passed) -> bool {
     if pair.is_through {
         return true;
     }
+    let before = distance_of(pair.is_edge, pair.start);
     let after = distance_of(pair.is_edge, pair.end);
-    return after < CLEARANCE * contact_params.thickness && after < CLOSER * distance_of(pair.is_edge, pair.start);
+    let is_close = after < CLEARANCE * contact_params.thickness && after < CLOSER * before;
+    return is_close || (after < CLOSEST * contact_params.thickness && after < before);
 }
 
 // Whether a vertex is around what crosses, which would not separate if it were carried.

@@ -23,6 +23,9 @@ pub(crate) const ROUNDS: usize = 8;
 /// A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps: it
 /// would soon be so close that rounding decides on which side it is.
 pub(crate) const CLOSER: f32 = 0.5;
+/// .. or if it shrinks at all, and to less than this share of the thickness. What approaches slowly leaves more than half of the
+/// distance in each substep, until it is so close ([`COINCIDENT`](super::pinches::COINCIDENT)) that it goes through unnoticed.
+pub(crate) const CLOSEST: f32 = 0.004;
 
 /// A pair of which one side runs over the other one, which is to be carried.
 struct RunOver {
@@ -69,9 +72,10 @@ impl Contacts {
                 return false;
             }
             let (from, to) = (places.map(|place| self.start(place)), places.map(|place| self.end(place)));
-            let after = distance(kind, to);
-            let is_close = after < CLEARANCE * thickness && after < CLOSER * distance(kind, from);
-            is_close || moves_through(kind, from, to, thickness) == Some(true)
+            let (before, after) = (distance(kind, from), distance(kind, to));
+            let is_close = after < CLEARANCE * thickness && after < CLOSER * before;
+            let is_closest = after < CLOSEST * thickness && after < before;
+            is_close || is_closest || moves_through(kind, from, to, thickness) == Some(true)
         };
         self.passed().filter(is_run_over).filter_map(|(kind, places)| self.follow(kind, places)).collect()
     }
