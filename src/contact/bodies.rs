@@ -183,7 +183,7 @@ impl Bodies {
 }
 
 /// Whether the vertices of two meshes are in the same places.
-pub(super) fn is_same_place(one: &Arc<Mesh>, other: &Arc<Mesh>) -> bool {
+fn is_same_place(one: &Arc<Mesh>, other: &Arc<Mesh>) -> bool {
     Arc::ptr_eq(one, other) || one.positions == other.positions
 }
 

@@ -3,7 +3,6 @@
 
 use glam::{Mat3, Vec3};
 
-use super::bodies::is_same_place;
 use crate::step::plan::MeshBody;
 
 /// The sums over edges from which a rotation follows.
@@ -18,8 +17,6 @@ struct Turning {
 /// A rotation is not determined if the inertia's determinant is at most this share of the cube of its trace: where all edges are in
 /// one line.
 const IN_LINE: f32 = 1e-6;
-/// The longest rotation, that of a quarter turn in a step. Beyond that, straight lines from start to end have little to do with it.
-const MOST: f32 = 2.0;
 
 /// The rotation of a body at each of its vertices in a step (rad, along the axis), that of the edges of the triangles there.
 ///
@@ -27,7 +24,7 @@ const MOST: f32 = 2.0;
 /// by an angle whose half has the tangent `|omega|/2`. In straight lines from start to end this is how fast it turns halfway.
 pub(super) fn spins(body: &MeshBody) -> Vec<Vec3> {
     let [from, to] = [&body.from.positions, &body.to.positions];
-    if is_same_place(&body.from, &body.to) {
+    if from == to {
         return vec![Vec3::ZERO; from.len()];
     }
     let mut turning = vec![Turning::default(); from.len()];
@@ -59,8 +56,7 @@ impl Turning {
             return Vec3::ZERO;
         }
         let scaled = Mat3::from_cols(x / trace, y / trace, z / trace);
-        let is_determined = scaled.determinant() > IN_LINE;
-        if is_determined { (scaled.inverse() * (self.moment / trace)).clamp_length_max(MOST) } else { Vec3::ZERO }
+        if scaled.determinant() > IN_LINE { scaled.inverse() * (self.moment / trace) } else { Vec3::ZERO }
     }
 }
 

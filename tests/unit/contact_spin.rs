@@ -23,14 +23,6 @@ fn each_vertex_turns_like_its_body() {
             assert!(spin.distance(exact) < 1e-4, "vertex {vertex} turns by {spin}, expected {exact}");
         }
     }
-    // Turned over in one step, or almost: neither the direction nor the speed is known, and both are finite.
-    for angle in [3.1, 3.141_592_7] {
-        let turn = Quat::from_rotation_x(angle);
-        let to = sheet.positions.iter().map(|&x| turn * x).collect();
-        let moved = Arc::new(Mesh { positions: to, triangles: sheet.triangles.clone() });
-        let body = MeshBody { from: Arc::new(sheet.clone()), to: moved, friction: 0.3 };
-        assert!(spins(&body).iter().all(|spin| spin.length() < 2.001), "{angle}");
-    }
     let line = Arc::new(Mesh { positions: vec![Vec3::ZERO, Vec3::X, 2.0 * Vec3::X], triangles: vec![[0, 1, 2]] });
     let turned = Arc::new(Mesh { positions: vec![Vec3::ZERO, Vec3::Y, 2.0 * Vec3::Y], triangles: vec![[0, 1, 2]] });
     for to in [&line, &turned] {

@@ -120,8 +120,8 @@ impl HostContact {
         jumped
     }
 
-    /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction, and then their
-    /// rotations; `None` if the device knows them already.
+    /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction, then their rotations; `None` if the
+    /// device knows them already.
     pub(crate) fn motions(&mut self, plan: &Plan<'_>) -> Option<&[[Vec4; 2]]> {
         if std::mem::replace(&mut self.bodies.are_known, self.bodies.are_still) {
             return None;
