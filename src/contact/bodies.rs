@@ -158,12 +158,6 @@ impl Bodies {
         self.turn.then(turning).flatten().or_else(|| range.map(middle).map(CommonMotion::of))
     }
 
-    /// The rotation in this step (rad) of any vertex; 0 of those of the cloth.
-    pub(super) fn spin(&self, vertex: u32) -> Vec3 {
-        let of_body = (vertex as usize).checked_sub(self.first).and_then(|of_body| self.spins.get(of_body));
-        of_body.copied().unwrap_or_default()
-    }
-
     /// Lists the vertices near the cloth, and returns [`Bodies::travel`].
     fn find_near(&mut self, plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
         let [low, high] = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));

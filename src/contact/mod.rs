@@ -67,7 +67,7 @@ pub(crate) use detection::max_listed;
 use detection::paths::Paths;
 use detection::rows::Rows;
 use detection::tree::Tree;
-use input::{ContactInput, Path, SubstepContext};
+use input::{ContactInput, Path, Spins, SubstepContext};
 use past::Checkpoint;
 pub(crate) use past::ContactPast;
 use surface::Surface;
@@ -294,7 +294,8 @@ impl TriangleContact {
             entangled: &self.ignored.entangled,
             may_slide: self.bodies.first < self.vertices(),
             surface: &self.surface,
-            bodies: &self.bodies,
+            friction: &self.bodies.friction,
+            spins: Spins { first: self.bodies.first, of: &self.bodies.spins, fraction: plan.params.fraction },
             context: SubstepContext { workers, ..context },
         };
         let lost = loop {

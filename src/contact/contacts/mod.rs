@@ -88,7 +88,7 @@ impl Contacts {
         if !self.has_near() {
             return Held::Done { lost: DVec3::ZERO };
         }
-        self.respond(input.context, input.bodies, scale);
+        self.respond(input.context, input.spins, scale);
         let lost = self.truncate(input);
         self.carry(input, lost)
     }
@@ -104,10 +104,10 @@ impl Contacts {
 
     /// Numbers the vertices of the lists as far as they are not. Returns whether the groups of the last substep remain valid.
     fn update_numbering(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) -> bool {
-        if self.friction != input.bodies.friction {
+        if self.friction != input.friction {
             self.store_multipliers(lists, input.context.workers);
             self.forget();
-            input.bodies.friction.clone_into(&mut self.friction);
+            input.friction.clone_into(&mut self.friction);
         }
         let was_numbered = self.is_numbered;
         if !was_numbered {
@@ -208,7 +208,7 @@ impl Contacts {
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
         let around = Around { surface: input.surface, x: input.x, vertices };
         let owner = |vertex: u32| input.surface.owner[vertices[vertex as usize].index as usize];
-        let friction = |[a, _, _, d]: [u32; 4]| input.bodies.friction[owner(a).max(owner(d)) as usize];
+        let friction = |[a, _, _, d]: [u32; 4]| input.friction[owner(a).max(owner(d)) as usize];
         let mut portions = &mut portions[..*used];
         let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
             let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();

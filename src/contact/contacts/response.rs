@@ -7,9 +7,8 @@ use glam::Vec4;
 use super::Contacts;
 use super::acting::{Acting, for_groups};
 use super::vertex_pairs::Sums;
-use crate::contact::bodies::Bodies;
 use crate::contact::contacts::near::group::{Group, Weights};
-use crate::contact::input::SubstepContext;
+use crate::contact::input::{Spins, SubstepContext};
 use crate::contact::surface::lanes::{corners_of, number, scattered, store, store_vector, vector};
 use crate::contact::surface::pairs::between;
 use crate::contact::vertices::Collide;
@@ -24,11 +23,11 @@ pub(crate) const ITERATIONS: usize = 4;
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
     /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.
-    pub(crate) fn respond(&mut self, context: SubstepContext<'_>, bodies: &Bodies, scale: f32) {
+    pub(crate) fn respond(&mut self, context: SubstepContext<'_>, spins: Spins<'_>, scale: f32) {
         if self.acting.impulses.is_empty() {
             return;
         }
-        self.turn(context, bodies);
+        self.turn(context, spins);
         self.warm_start(context, scale);
         self.apply_impulses(context, true);
         for _ in 0..ITERATIONS {
@@ -38,8 +37,8 @@ impl Contacts {
     }
 
     /// Finds out how far the rotations of bodies take the closest points of pairs past each other.
-    fn turn(&mut self, SubstepContext { plan, workers, .. }: SubstepContext<'_>, bodies: &Bodies) {
-        let is_turned = !bodies.spins.is_empty();
+    fn turn(&mut self, SubstepContext { workers, .. }: SubstepContext<'_>, spins: Spins<'_>) {
+        let is_turned = !spins.of.is_empty();
         if !is_turned && !self.was_turned {
             return;
         }
@@ -47,7 +46,7 @@ impl Contacts {
         let Contacts { acting: Acting { weights, .. }, portions, used, vertices, .. } = self;
         let turn = |_, before: usize, groups: &mut [Group], _: &mut [()], _: &mut [()]| {
             for (group, weights) in groups.iter_mut().zip(&weights[before..]) {
-                group.turn(weights, |place| bodies.spin(vertices[place as usize].index) * plan.params.fraction);
+                group.turn(weights, |place| spins.at(vertices[place as usize].index));
             }
         };
         for_groups(&mut portions[..*used], (&mut [], &mut []), workers, &turn);
