@@ -6,7 +6,6 @@ use std::sync::Arc;
 use glam::{Vec3, Vec3A, Vec4};
 
 use super::common_motion::CommonMotion;
-use super::spin::spins;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::mesh::{Mesh, bounds};
@@ -34,8 +33,6 @@ pub(super) struct Bodies {
     travel: Option<[Vec3; 2]>,
     /// Whether they and the pins turn in this step, all together.
     turn: bool,
-    /// The rotations of their vertices in this step (rad); empty if none of them moves.
-    pub spins: Vec<Vec3>,
     /// Coefficients of friction: the cloth's with itself, then that of each body.
     pub friction: Vec<f32>,
 }
@@ -50,7 +47,6 @@ impl Bodies {
             near: Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum()),
             travel: None,
             turn: false,
-            spins: Vec::new(),
             friction: Vec::new(),
             numbered,
         }
@@ -101,10 +97,6 @@ impl Bodies {
         let are_still = meshes.iter().all(|body| is_same_place(&body.from, &body.to));
         self.are_known &= are_still && self.are_still && !jumped;
         self.are_still = are_still;
-        self.spins.clear();
-        if !are_still {
-            self.spins.extend(meshes.iter().flat_map(spins));
-        }
         self.last.clear();
         self.last.extend(meshes.iter().map(|body| Arc::clone(&body.to)));
         jumped

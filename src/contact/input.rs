@@ -1,6 +1,6 @@
 //! The input of contact in a substep, and what is known of a vertex in it.
 
-use glam::{Vec3, Vec3A, Vec4};
+use glam::{Vec3A, Vec4};
 
 use super::common_motion::CommonMotion;
 use super::surface::Surface;
@@ -52,25 +52,6 @@ impl Vertex {
     }
 }
 
-/// How mesh bodies turn: see [`spin`](super::spin).
-#[derive(Clone, Copy)]
-pub(super) struct Spins<'a> {
-    /// Index of their first vertex.
-    pub first: usize,
-    /// The rotations of their vertices in the step (rad); empty if none of them moves.
-    pub of: &'a [Vec3],
-    /// The substep's share of the step.
-    pub fraction: f32,
-}
-
-impl Spins<'_> {
-    /// The rotation of a vertex in the substep (rad); 0 of the cloth's vertices.
-    pub(super) fn at(&self, vertex: u32) -> Vec3 {
-        let of_body = (vertex as usize).checked_sub(self.first).and_then(|of_body| self.of.get(of_body));
-        of_body.map_or(Vec3::ZERO, |spin| *spin * self.fraction)
-    }
-}
-
 /// The input of contact in a substep.
 #[derive(Clone, Copy)]
 pub(super) struct ContactInput<'a> {
@@ -90,6 +71,5 @@ pub(super) struct ContactInput<'a> {
     pub surface: &'a Surface,
     /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
     pub friction: &'a [f32],
-    pub spins: Spins<'a>,
     pub context: SubstepContext<'a>,
 }

@@ -34,7 +34,6 @@ pub(crate) mod device;
 mod input;
 mod past;
 mod ranges;
-mod spin;
 mod surface;
 pub(crate) mod untangle;
 mod vertices;
@@ -67,7 +66,7 @@ pub(crate) use detection::max_listed;
 use detection::paths::Paths;
 use detection::rows::Rows;
 use detection::tree::Tree;
-use input::{ContactInput, Path, Spins, SubstepContext};
+use input::{ContactInput, Path, SubstepContext};
 use past::Checkpoint;
 pub(crate) use past::ContactPast;
 use surface::Surface;
@@ -295,7 +294,6 @@ impl TriangleContact {
             may_slide: self.bodies.first < self.vertices(),
             surface: &self.surface,
             friction: &self.bodies.friction,
-            spins: Spins { first: self.bodies.first, of: &self.bodies.spins, fraction: plan.params.fraction },
             context: SubstepContext { workers, ..context },
         };
         let lost = loop {

@@ -99,13 +99,11 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
 // Moves a vertex of a mesh collider through the substep, and tests whether it is close enough to its path.
 fn begin_mesh_vertex(i: u32) {
     let motion = tracks[contact_params.all_vertices + i - contact_params.mesh_first];
-    let spin = tracks[2u * (contact_params.all_vertices - contact_params.mesh_first) + i].start.xyz;
     let x_i = motion.start.xyz + motion.by.xyz * substep.start;
     let u_i = motion.by.xyz * params.fraction;
     vertices[i].x = vec4f(x_i, 0.0);
     vertices[i].u = vec4f(u_i, 0.0);
     vertices[i].push = vec4f(vec3f(), motion.start.w);
-    vertices[i].way = vec4f(spin * params.fraction, 0.0);
     // Its motion is uniform, so that one test covers the substeps up to the next one that may detect anyway. One that stands
     // still is tested at the start of the step only, and must not have a path that goes on.
     if MAY_DETECT {

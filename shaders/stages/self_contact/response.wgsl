@@ -158,17 +158,6 @@ fn warm_start(
     }
 }
 
-// How far a rotation of a mesh collider takes the closest points of a pair past each other [m].
-fn turned_pair(n: Near) -> vec3f {
-    var spin = vec3f();
-    for (var k = 0u; k < 4u; k++) {
-        if n.corners[k] >= contact_params.vertices {
-            spin += vertices[n.corners[k]].way.xyz * abs(n.weights[k]);
-        }
-    }
-    return cross(spin, n.normal) * n.distance;
-}
-
 fn step_pair(k: u32) {
     let n = near_at(k);
     if n.rate == 0.0 {
@@ -178,7 +167,7 @@ fn step_pair(k: u32) {
     let b = vertices[n.corners.y].u;
     let c = vertices[n.corners.z].u;
     let d = vertices[n.corners.w].u;
-    let relative = between(n.weights, Four(a.xyz, b.xyz, c.xyz, d.xyz)) - turned_pair(n);
+    let relative = between(n.weights, Four(a.xyz, b.xyz, c.xyz, d.xyz));
     let held = Multipliers(n.lambda.xyz, n.lambda.w);
     let gap = max(n.distance - n.thickness, 0.0);
     let now = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);

@@ -91,8 +91,7 @@ struct Near {
 // A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is kinematic. `u`: displacement; w is the inverse mass
 // again, so that it is not read apart. `push`: correction that adds no velocity; w is the coefficient of friction of a mesh
 // collider's vertex. `way`, of the cloth's vertices after the response: displacement and correction together,
-// relative to the mean displacement; w is how far it was about to move, then how far it may move. Of those of mesh colliders:
-// their rotation in this substep [rad].
+// relative to the mean displacement; w is how far it was about to move, then how far it may move.
 struct Vertex {
     x: vec4f,
     u: vec4f,
@@ -102,7 +101,7 @@ struct Vertex {
 
 // The path that detection assumes: start, with the distance that the vertex may stray in w; displacement per substep,
 // with its inverse in w. The paths of all vertices are followed by the motions in this step of those of mesh colliders:
-// start, with the coefficient of friction in w; displacement. Then follow their rotations in this step, as `start` [rad].
+// start, with the coefficient of friction in w; displacement.
 struct Track {
     start: vec4f,
     by: vec4f,

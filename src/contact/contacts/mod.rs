@@ -49,8 +49,6 @@ pub(crate) struct Contacts {
     /// The common motion in the last substep, and the coefficients of friction.
     pub common_motion: CommonMotion,
     friction: Vec<f32>,
-    /// Whether bodies turned in the last substep.
-    was_turned: bool,
     /// The portions of the lists, one list after the other. Those beyond `used` are left from longer lists.
     pub portions: Vec<Portion>,
     pub used: usize,
@@ -88,7 +86,7 @@ impl Contacts {
         if !self.has_near() {
             return Held::Done { lost: DVec3::ZERO };
         }
-        self.respond(input.context, input.spins, scale);
+        self.respond(input.context, scale);
         let lost = self.truncate(input);
         self.carry(input, lost)
     }

@@ -8,7 +8,7 @@ use super::Contacts;
 use super::acting::{Acting, for_groups};
 use super::vertex_pairs::Sums;
 use crate::contact::contacts::near::group::{Group, Weights};
-use crate::contact::input::{Spins, SubstepContext};
+use crate::contact::input::SubstepContext;
 use crate::contact::surface::lanes::{corners_of, number, scattered, store, store_vector, vector};
 use crate::contact::surface::pairs::between;
 use crate::contact::vertices::Collide;
@@ -23,33 +23,16 @@ pub(crate) const ITERATIONS: usize = 4;
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
     /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.
-    pub(crate) fn respond(&mut self, context: SubstepContext<'_>, spins: Spins<'_>, scale: f32) {
+    pub(crate) fn respond(&mut self, context: SubstepContext<'_>, scale: f32) {
         if self.acting.impulses.is_empty() {
             return;
         }
-        self.turn(context, spins);
         self.warm_start(context, scale);
         self.apply_impulses(context, true);
         for _ in 0..ITERATIONS {
             self.step(context);
             self.apply_impulses(context, false);
         }
-    }
-
-    /// Finds out how far the rotations of bodies take the closest points of pairs past each other.
-    fn turn(&mut self, SubstepContext { workers, .. }: SubstepContext<'_>, spins: Spins<'_>) {
-        let is_turned = !spins.of.is_empty();
-        if !is_turned && !self.was_turned {
-            return;
-        }
-        self.was_turned = is_turned;
-        let Contacts { acting: Acting { weights, .. }, portions, used, vertices, .. } = self;
-        let turn = |_, before: usize, groups: &mut [Group], _: &mut [()], _: &mut [()]| {
-            for (group, weights) in groups.iter_mut().zip(&weights[before..]) {
-                group.turn(weights, |place| spins.at(vertices[place as usize].index));
-            }
-        };
-        for_groups(&mut portions[..*used], (&mut [], &mut []), workers, &turn);
     }
 
     /// Sets the multipliers to those of the last substep times `scale`, which are usually close to the new ones.
@@ -169,7 +152,6 @@ impl Loop for Step<'_> {
             let [a, b, c, d] = &weights[of].0;
             let weights = [number(a, first), number(b, first), number(c, first), number(d, first)];
             let relative = between(weights, corners_of::<L>(u, &group.block.corners[lanes.clone()]));
-            let relative = relative - vector::<L>(&group.turned, first);
             let (gap, rate, friction) = (number(&group.gap, first), number(&group.rate, first), number(&group.friction, first));
             let (new_lambda_t, new_lambda_n) = step_of_lambda((lambda_t, lambda_n), normal, gap, relative, rate, friction);
             store_vector(&mut group.lambda_t, first, new_lambda_t);

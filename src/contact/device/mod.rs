@@ -120,7 +120,7 @@ impl HostContact {
         jumped
     }
 
-    /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction, then their rotations; `None` if the
+    /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction; `None` if the
     /// device knows them already.
     pub(crate) fn motions(&mut self, plan: &Plan<'_>) -> Option<&[[Vec4; 2]]> {
         if std::mem::replace(&mut self.bodies.are_known, self.bodies.are_still) {
@@ -131,9 +131,6 @@ impl HostContact {
             let motions = motions_of(body, plan.cloth.origin);
             self.motions.extend(motions.map(|[from, by]| [from.extend(body.friction), by.extend(0.0)]));
         }
-        let spins = &self.bodies.spins;
-        let count = self.motions.len();
-        self.motions.extend((0..count).map(|of| [spins.get(of).map_or(Vec4::ZERO, |spin| spin.extend(0.0)), Vec4::ZERO]));
         Some(&self.motions)
     }
 

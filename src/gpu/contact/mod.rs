@@ -123,7 +123,7 @@ impl GpuContact {
             contact_params: Sent::uniform(gpu, "parameters of contact", size_of::<ContactParams>()),
             table: gpu.filled("table of contact", &table),
             vertices: buffer("vertices in contact", VERTEX * all),
-            tracks: buffer("paths in contact", TRACK * (all + 2 * params.mesh_vertices())),
+            tracks: buffer("paths in contact", TRACK * (all + params.mesh_vertices())),
             nodes: buffer("nodes of contact", NODE * params.nodes()),
             buckets: buffer("buckets of pairs", 4 * (params.rows as usize).next_power_of_two()),
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),

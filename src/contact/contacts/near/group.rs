@@ -1,6 +1,6 @@
 //! Pairs in groups of the largest SIMD width: near ones, and active ones with their multipliers.
 
-use glam::{Vec3, Vec4};
+use glam::Vec4;
 
 use crate::kernels::pair::SQUEEZED;
 use crate::simd::MAX_LANES;
@@ -41,8 +41,6 @@ pub(crate) struct Group {
     /// The distance (m) by which they may approach, and the depth (m) at the start.
     pub gap: [f32; MAX_LANES],
     pub depth: [f32; MAX_LANES],
-    /// How far (m) a rotation of the body takes the closest points past each other.
-    pub turned: [[f32; MAX_LANES]; 3],
     /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
     pub rate: [f32; MAX_LANES],
     /// Multipliers (kg m): for friction, and along the normal.
@@ -67,7 +65,6 @@ impl Default for Group {
             friction: zero,
             gap: zero,
             depth: zero,
-            turned: [zero; 3],
             rate: zero,
             lambda_t: [zero; 3],
             lambda_n: zero,
@@ -81,7 +78,7 @@ pub(crate) type Member = ([u32; 4], u32, f32, f32);
 impl Group {
     pub(crate) fn put(&mut self, lane: usize, pair: Member, multiplier: Vec4) {
         (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]) = pair;
-        (0..3).for_each(|axis| (self.lambda_t[axis][lane], self.turned[axis][lane]) = (multiplier[axis], 0.0));
+        (0..3).for_each(|axis| self.lambda_t[axis][lane] = multiplier[axis]);
         self.lambda_n[lane] = multiplier.w;
     }
 
@@ -97,17 +94,6 @@ impl Group {
         let [corners, ..] = self.block.corners;
         self.block.corners[count..].fill(corners);
         self.count = count as u32;
-    }
-
-    /// Sets how far the rotations of corners take the closest points past each other.
-    pub(crate) fn turn(&mut self, weights: &Weights, spin: impl Fn(u32) -> Vec3) {
-        for lane in 0..self.count as usize {
-            let corners = self.block.corners[lane].into_iter().zip(&weights.0);
-            let spin: Vec3 = corners.map(|(place, weights)| spin(place) * weights[lane].abs()).sum();
-            let distance = self.thickness[lane] + self.gap[lane] - self.depth[lane];
-            let turned = spin.cross(Vec3::from(self.block.normal.map(|normal| normal[lane]))) * distance;
-            (0..3).for_each(|axis| self.turned[axis][lane] = turned[axis]);
-        }
     }
 
     /// How many pairs with a kinematic corner are squeezed.
