@@ -130,7 +130,7 @@ fn title(warning: &Warning) -> Option<&'static str> {
     }
 }
 
-/// Warns if a free vertex begins deeper inside a collider than edges are long on average: it is pushed out by
+/// Warns if a free vertex begins deeper inside a collider than edges are long on average: it is pushed out at
 /// 1 m/s, which tears at its neighbors. Pins may be inside.
 pub(crate) fn begins_inside(mesh: &Mesh, pinned: &[u32], colliders: &[Collider]) -> Option<String> {
     let edges = mesh.edges();
