@@ -61,7 +61,7 @@ pub(crate) struct Cloth {
     pub extents: DVec3,
     /// How far (m) any part spans between what holds it ([`extents`](crate::model::extents)).
     pub extent: f64,
-    /// How far (m) a hundredth of the vertices is from a pin at most; 0 without pins.
+    /// How far (m) a hundredth of any part's vertices is from a pin at most; 0 without pins.
     pub near: f64,
     /// Number of connected parts.
     pub parts: usize,

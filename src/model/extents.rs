@@ -18,7 +18,7 @@ pub(crate) struct Extents {
     /// How far (m) any part spans: twice the longest way along edges to the nearest pin, or across its bounding box if that
     /// is less.
     pub extent: f64,
-    /// How far (m) along edges a hundredth of the vertices is from a pin at most; 0 without pins.
+    /// The longest distance (m) along edges from a pin that a hundredth of a part's vertices does not exceed; 0 without pins.
     pub near: f64,
     /// Number of connected parts.
     pub parts: usize,
@@ -31,24 +31,24 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
     let part = DisjointSets::parts(rest.len(), links.iter().map(|link| link.ends));
     let pins: Vec<u32> = (0..vertices).filter(|&vertex| is_pinned(vertex)).collect();
     let distance = if pins.is_empty() { Vec::new() } else { distances(rest.len(), links, &pins) };
-    let near = nearest_hundredth(distance.clone());
     let by_part = Csr::new(rest.len(), part.iter().copied().zip(0..vertices));
     let extents = by_part.spans.iter().map(|span| {
         let vertices = &by_part.items[span.start as usize..span.end as usize];
         let [low, high] = bounds(vertices.iter().map(|&vertex| rest[vertex as usize]));
         let sides = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let farthest = vertices.iter().filter_map(|&vertex| distance.get(vertex as usize)).fold(0.0, |a: f64, &b| a.max(b));
+        let near = nearest_hundredth(vertices.iter().filter_map(|&vertex| distance.get(vertex as usize)).copied().collect());
         let across = sides.max_element();
         // Cloth that is held on two sides hangs from both. A part without pins has infinite distances, if any.
         let extent = if distance.is_empty() { across } else { across.min(2.0 * farthest) };
         Extents { sides: sides.min(DVec3::splat(extent)), extent, near, parts: usize::from(!vertices.is_empty()) }
     });
-    let none = Extents { sides: DVec3::ZERO, extent: 0.0, near, parts: 0 };
+    let none = Extents { sides: DVec3::ZERO, extent: 0.0, near: 0.0, parts: 0 };
     extents.fold(none, |a, b| Extents {
         sides: a.sides.max(b.sides),
         extent: a.extent.max(b.extent),
+        near: a.near.max(b.near),
         parts: a.parts + b.parts,
-        ..a
     })
 }
 

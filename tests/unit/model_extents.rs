@@ -62,3 +62,16 @@ fn how_far_a_hundredth_of_the_cloth_is_from_its_pins() {
     }
     assert!((near(&(0..n).collect::<Vec<_>>()) - 0.01).abs() < 1e-6 && near(&[]) == 0.0);
 }
+
+/// Of cloths that share a mesh each counts by itself: one among fifty that are free is not half of it near its pin.
+#[test]
+fn each_part_has_a_hundredth_of_its_own() {
+    let (n, sheet) = (11, Mesh::grid(11, 11, 1.0, 1.0));
+    let mut many = Mesh::default();
+    for part in 0..50_u32 {
+        many.positions.extend(sheet.positions.iter().map(|&x| x + Vec3::X * 2.0 * part as f32));
+        many.triangles.extend(sheet.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + part * n * n)));
+    }
+    let alone = extents_of(&sheet, &[0]).near;
+    assert!(alone > 0.0 && extents_of(&many, &[0]).near == alone, "{} m, {alone} m", extents_of(&many, &[0]).near);
+}

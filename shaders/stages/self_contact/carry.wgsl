@@ -2,7 +2,7 @@
 
 // A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps.
 const CLOSER: f32 = 0.5;
-// .. or if it shrinks at all, and to less than this share of the thickness.
+// A pair is also run over if its distance shrinks at all, and to less than this share of the thickness.
 const CLOSEST: f32 = 0.004;
 
 const LANES: u32 = 256u;

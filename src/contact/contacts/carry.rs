@@ -23,8 +23,9 @@ pub(crate) const ROUNDS: usize = 8;
 /// A pair is run over, too, if its distance shrinks to less than this share of it, and to less than truncation keeps: it
 /// would soon be so close that rounding decides on which side it is.
 pub(crate) const CLOSER: f32 = 0.5;
-/// .. or if it shrinks at all, and to less than this share of the thickness. What approaches slowly leaves more than half of the
-/// distance in each substep, until it is so close ([`COINCIDENT`](super::pinches::COINCIDENT)) that it goes through unnoticed.
+/// A pair is also run over if its distance shrinks at all, and to less than this share of the thickness. What approaches slowly leaves
+/// more than half of the distance in each substep, until it is so close ([`COINCIDENT`](super::pinches::COINCIDENT)) that it goes
+/// through unnoticed.
 pub(crate) const CLOSEST: f32 = 0.004;
 
 /// A pair of which one side runs over the other one, which is to be carried.
