@@ -6,7 +6,7 @@
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
-use cloth_deformer::glam::Vec3A;
+use cloth_deformer::glam::{Vec3, Vec3A};
 use cloth_deformer::{Attributes, Deformer, Fabric, Levels, Mesh, Options, Quality};
 
 use crate::plain::Plain;
@@ -191,8 +191,7 @@ fn schedule() {
     files.sort();
     for path in files {
         let mesh = Mesh::load_obj(&path).expect("a mesh");
-        let top = mesh.positions.iter().map(|x| x.y).fold(f32::NEG_INFINITY, f32::max);
-        let pinned = (0..mesh.positions.len() as u32).filter(|&v| mesh.positions[v as usize].y > top - 0.01).collect();
+        let pinned = upper_edge(&mesh);
         meshes.push((path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(), mesh, pinned));
     }
     let fabric = Fabric { bending: 1e-4, damping: 0.03, ..scenes::bare() };
@@ -225,6 +224,19 @@ fn schedule() {
             println!("{name:>12} {terms:>16}  {}", row.join("   "));
         }
     }
+}
+
+/// The vertices in the upper three hundredths of a mesh, or on one side of it if it is flat.
+fn upper_edge(mesh: &Mesh) -> Vec<u32> {
+    let bounds = |of: fn(&Vec3) -> f32| {
+        let along = mesh.positions.iter().map(of);
+        along.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+    };
+    let (low, high) = bounds(|x| x.y);
+    let along: fn(&Vec3) -> f32 = if high > low { |x| x.y } else { |x| x.z };
+    let (low, high) = bounds(along);
+    let threshold = high - 0.03 * (high - low);
+    (0..mesh.positions.len() as u32).filter(|&v| along(&mesh.positions[v as usize]) >= threshold).collect()
 }
 
 /// The limits of the machine: memory bandwidth, and the time of a barrier between threads.
