@@ -596,6 +596,55 @@ fn soft_cloth_that_lone_pins_stretch_is_not_blamed() {
     }
 }
 
+/// A sleeve that is narrower than what it is on is stretched by that, which substeps do not change: once they have resolved the
+/// stiffness, and so measured it, few do. Its tension still holds it there by friction, and what slides off with these few without
+/// that tension's share in their choice does so when it is let go.
+#[test]
+fn a_tight_sleeve_stays_where_it_is_with_few_substeps() {
+    let (rows, around, radius, length) = (9_u32, 48_u32, 0.055, 0.1);
+    let on = |radius: f32| -> Vec<Vec3> {
+        let vertex = |v: u32| {
+            let turn = std::f32::consts::TAU * (v % around) as f32 / around as f32;
+            Vec3::new(radius * turn.cos(), length * ((v / around) as f32 / (rows - 1) as f32 - 0.5), radius * turn.sin())
+        };
+        (0..rows * around).map(vertex).collect()
+    };
+    let quad = |v: u32| {
+        let next = v - v % around + (v + 1) % around;
+        [[v, v + around, next], [next, v + around, next + around]]
+    };
+    let fabric = Fabric { density: 0.2, stretch: 5000.0, bending: 1.4e-5, damping: 0.06 };
+    let post = Collider::capsule(Vec3::Y * -0.3, Vec3::Y * 0.3, radius).with_friction(0.3);
+    let attributes = Attributes { colliders: vec![post], ..Attributes::default() };
+    let still = vec![Vec3::ZERO; (rows * around) as usize];
+    for tight in [0.98, 0.995] {
+        let mesh = Mesh { positions: on(tight * radius), triangles: (0..(rows - 1) * around).flat_map(quad).collect() };
+        let run = |quality: Quality| {
+            let options = Options { backend: Backend::Cpu, fabric, quality, ..Options::default() };
+            let mut sleeve = Deformer::new(&mesh, options).unwrap();
+            sleeve.set_state(&on(1.002 * radius), &still).unwrap();
+            let reports: Vec<StepReport> = (0..240).map(|_| sleeve.step(FRAME, &attributes).unwrap()).collect();
+            let height = sleeve.positions().unwrap().iter().map(|x| x.y).sum::<f32>() / still.len() as f32;
+            (reports, height, sleeve.measure().unwrap().stretch_share)
+        };
+        let (reports, height, stretch) = run(Quality::default());
+        let (_, resolved_height, resolved) = run(Quality::Substeps(600));
+        let most = reports.iter().map(|report| report.substeps).max().unwrap();
+        let last: Vec<u32> = reports[120..].iter().map(|report| report.substeps).collect();
+        let mean = last.iter().sum::<u32>() as f32 / last.len() as f32;
+        println!(
+            "{tight}: {most} substeps, then {mean} a frame; at {height}, resolved {resolved_height}; stretched by {stretch}, {resolved}"
+        );
+        assert!(10.0 * mean < most as f32, "{mean} substeps a frame, once {most} had resolved the stiffness");
+        assert!(height > resolved_height - 0.005 && resolved_height > -1e-3, "from 0 to {height}, resolved {resolved_height}");
+        assert!(stretch < resolved + 0.03, "stretched by {stretch}, resolved {resolved}");
+        let missed = |report: &&StepReport| report.warnings.iter().any(|warning| matches!(warning, Warning::StrainMissed { .. }));
+        assert_eq!(reports[30..].iter().filter(missed).count(), 0);
+        let (_, height, _) = run(Quality::Substeps(8));
+        assert!(height < -0.1, "8 substeps hold it, so that nothing is tested");
+    }
+}
+
 /// A tool that sets the same options in every frame changes nothing, also where substeps are chosen for each step.
 #[test]
 fn options_set_to_the_same_in_every_frame_change_nothing() {

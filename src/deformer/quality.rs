@@ -164,12 +164,15 @@ impl Deformer {
         holds: Option<Cause>,
     ) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
-        let excess = excess(&self.cloth, load, seen, strain_bound.share, division.length.resolved);
+        let (share, resolved) = (strain_bound.share, division.length.resolved);
+        let measured = f64::from(seen.stretch_of(f64::from(share)));
+        let known = self.controller.own_of(measured, resolved, *dt);
+        let excess = excess(&self.cloth, load, [measured, known], share, resolved);
         let law = self.rates.strain(load.stress(&self.cloth), f64::from(division.length.longest));
         let caution = self.caution(self.engine.contact().is_some(), false);
         self.controller.learn(law, excess, caution, *dt, holds.is_some());
         let missed = excess > f64::from(strain_bound.stretch);
-        let slivers = self.cloth.slivers.edges as f32 > (1.0 - strain_bound.share) * self.cloth.links.len() as f32;
+        let slivers = self.cloth.slivers.edges as f32 > (1.0 - share) * self.cloth.links.len() as f32;
         let cause = slivers.then_some(Cause::Slivers).or(holds).unwrap_or_else(|| load.cause(&self.cloth));
         missed.then_some(Warning::StrainMissed { stretch: excess as f32, promised: strain_bound.stretch, cause })
     }

@@ -1,7 +1,6 @@
 //! Chooses the number of substeps that keeps a strain bound: predicted before a step from what acts on the cloth, and
 //! corrected after it by the measured strain.
 
-use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Quality;
 use crate::record::recorded;
@@ -91,13 +90,16 @@ pub(crate) struct Controller {
     /// The longest substep (s) that was allowed in any step since the cloth was placed, or its quality or bending
     /// changed; 0 before the first.
     longest: f64,
+    /// The least stretch since it was last measured with the stiffness resolved: it is the fabric's own, as of cloth that is too
+    /// narrow for what it is pulled over.
+    own: f64,
 }
 
-recorded!(Controller { factor, count, low, longest });
+recorded!(Controller { factor, count, low, longest, own });
 
 impl Default for Controller {
     fn default() -> Controller {
-        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0, longest: 0.0 }
+        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0, longest: 0.0, own: 0.0 }
     }
 }
 
@@ -156,9 +158,28 @@ impl Controller {
     /// The number of substeps in 1/60 s that the law asks for.
     fn asked(&self, rates: &Rates, cloth: &Cloth, (strain_bound, caution): (StrainBound, Caution), load: &Load) -> f64 {
         let stretch = caution.aim * f64::from(strain_bound.stretch);
-        let count = rates.keeping(load.stress(cloth), stretch / self.factor) / FRAMES;
+        let keeping = rates.keeping(load.stress(cloth), stretch / self.factor);
+        let count = keeping.max(self.gripping(rates, cloth, load, strain_bound.share)) / FRAMES;
         let most = most(rates, cloth);
         caution.rounded_up(count.min(most).max(LEAST)).min(most)
+    }
+
+    /// Substeps per second with which cloth that is pulled over something grips it; 0 if it is not known to be.
+    ///
+    /// Of its tension `T = K e`, unresolved substeps leave `T (S/S*)²`. A sleeve of radius r and length L with the friction mu
+    /// stays where it is if that is at least `sigma r/(mu L)`, which [`GRIP`] bounds.
+    fn gripping(&self, rates: &Rates, cloth: &Cloth, load: &Load, share: f32) -> f64 {
+        let stretch = self.own - own_stretch(cloth, load, share);
+        let stress = GRIP * load.stress(cloth);
+        if cloth.stretch * stretch > stress { rates.resolving(stress / stretch) } else { 0.0 }
+    }
+
+    /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s) with this
+    /// share of the stiffness resolved, and returns it.
+    pub(crate) fn own_of(&mut self, measured: f64, resolved: f64, dt: f32) -> f64 {
+        let kept = self.own * (-f64::from(dt) / RENEWED).exp();
+        self.own = if resolved < 1.0 { kept.min(measured) } else { measured };
+        self.own
     }
 
     /// Updates the factor from the measured stretch beyond the fabric's own in a step of `dt` (s), for which the law with a
@@ -184,16 +205,21 @@ pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
     (resolved.min(MUCH_STIFFER * rates.resolving_what_shows(cloth)) / FRAMES).ceil().max(LEAST)
 }
 
+/// Cloth that is pulled over something keeps a tension of at least this many times the stress of its load.
+const GRIP: f64 = 5.0;
+/// Time constant (s) with which stretch that was measured with the stiffness resolved is forgotten, so that it is measured anew.
+const RENEWED: f64 = 20.0;
+
 /// The measured stretch of a share of the area beyond the fabric's own. Wind stretches cloth that gives way to it little, and cloth
 /// that is held all around much: there, substeps that have `resolved` this share of the stiffness leave as large a share of
 /// the stretch whatever they do. Because these are estimates, at least a tenth of what more substeps could change counts as
 /// excess.
-pub(crate) fn excess(cloth: &Cloth, load: &Load, seen: &Statistics, share: f32, resolved: f64) -> f64 {
-    let measured = f64::from(seen.stretch_of(f64::from(share)));
+pub(crate) fn excess(cloth: &Cloth, load: &Load, [measured, known]: [f64; 2], share: f32, resolved: f64) -> f64 {
     let without_wind = load.stress_without_wind(cloth) / load.stress(cloth);
     let by_wind = if load.pressure > 0.0 { resolved * (1.0 - without_wind) } else { 0.0 };
     let own = own_stretch(cloth, load, share).max(by_wind * measured);
-    (measured - own).max(0.1 * (1.0 - resolved) * measured)
+    let unknown = measured - known;
+    (measured - own).min(unknown).max(0.1 * (1.0 - resolved) * unknown)
 }
 
 /// The stretch that a share of the area does not exceed under load if every edge is as stiff as its fabric.
