@@ -164,11 +164,12 @@ impl Deformer {
         holds: Option<Cause>,
     ) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
-        let (share, resolved) = (strain_bound.share, division.length.resolved);
+        let (share, longest, resolved) = (strain_bound.share, f64::from(division.length.longest), division.length.resolved);
         let measured = f64::from(seen.stretch_of(f64::from(share)));
-        let known = self.controller.own_of(measured, resolved, *dt);
+        let with_most = FRAMES * most(&self.rates, &self.cloth) * longest < 1.001;
+        let known = self.controller.own_of(measured, with_most, strain_bound.stretch, *dt);
         let excess = excess(&self.cloth, load, [measured, known], share, resolved);
-        let law = self.rates.strain(load.stress(&self.cloth), f64::from(division.length.longest));
+        let law = self.rates.strain(load.stress(&self.cloth), longest);
         let caution = self.caution(self.engine.contact().is_some(), false);
         self.controller.learn(law, excess, caution, *dt, holds.is_some());
         let missed = excess > f64::from(strain_bound.stretch);

@@ -90,16 +90,19 @@ pub(crate) struct Controller {
     /// The longest substep (s) that was allowed in any step since the cloth was placed, or its quality or bending
     /// changed; 0 before the first.
     longest: f64,
-    /// The least stretch since it was last measured with the stiffness resolved: it is the fabric's own, as of cloth that is too
-    /// narrow for what it is pulled over.
+    /// The stretch that was last measured with as many substeps as help ([`most`]): it is the fabric's own, as of cloth that is
+    /// too narrow for what it is pulled over. 0 if it is not known.
     own: f64,
+    /// For how long (s) it has been known.
+    known_for: f64,
 }
 
-recorded!(Controller { factor, count, low, longest, own });
+recorded!(Controller { factor, count, low, longest, own, known_for });
 
 impl Default for Controller {
     fn default() -> Controller {
-        Controller { factor: Caution::PROMPT.first_factor, count: 0.0, low: 0.0, longest: 0.0, own: 0.0 }
+        let factor = Caution::PROMPT.first_factor;
+        Controller { factor, count: 0.0, low: 0.0, longest: 0.0, own: 0.0, known_for: 0.0 }
     }
 }
 
@@ -174,11 +177,17 @@ impl Controller {
         if cloth.stretch * stretch > stress { rates.resolving(stress / stretch) } else { 0.0 }
     }
 
-    /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s) with this
-    /// share of the stiffness resolved, and returns it.
-    pub(crate) fn own_of(&mut self, measured: f64, resolved: f64, dt: f32) -> f64 {
-        let kept = self.own * (-f64::from(dt) / RENEWED).exp();
-        self.own = if resolved < 1.0 { kept.min(measured) } else { measured };
+    /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s), `with_most`
+    /// substeps or fewer, and returns it. Where less is measured, by a third of the `bound`, it is no longer known: what was
+    /// held may be slack by now, and what is measured the shortage of substeps. Nor is it after [`RENEWED`].
+    pub(crate) fn own_of(&mut self, measured: f64, with_most: bool, bound: f32, dt: f32) -> f64 {
+        let known_for = self.known_for + f64::from(dt);
+        let holds = known_for < RENEWED && measured > self.own - f64::from(bound) / 3.0;
+        (self.own, self.known_for) = match holds {
+            _ if with_most => (measured, 0.0),
+            true => (self.own, known_for),
+            false => (0.0, 0.0),
+        };
         self.own
     }
 
@@ -207,8 +216,8 @@ pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
 
 /// Cloth that is pulled over something keeps a tension of at least this many times the stress of its load.
 const GRIP: f64 = 5.0;
-/// Time constant (s) with which stretch that was measured with the stiffness resolved is forgotten, so that it is measured anew.
-const RENEWED: f64 = 20.0;
+/// Time (s) after which stretch that is known to be the fabric's own is measured anew.
+const RENEWED: f64 = 10.0;
 
 /// The measured stretch of a share of the area beyond the fabric's own. Wind stretches cloth that gives way to it little, and cloth
 /// that is held all around much: there, substeps that have `resolved` this share of the stiffness leave as large a share of
@@ -218,7 +227,7 @@ pub(crate) fn excess(cloth: &Cloth, load: &Load, [measured, known]: [f64; 2], sh
     let without_wind = load.stress_without_wind(cloth) / load.stress(cloth);
     let by_wind = if load.pressure > 0.0 { resolved * (1.0 - without_wind) } else { 0.0 };
     let own = own_stretch(cloth, load, share).max(by_wind * measured);
-    let unknown = measured - known;
+    let unknown = (measured - known).max(0.0);
     (measured - own).min(unknown).max(0.1 * (1.0 - resolved) * unknown)
 }
 
