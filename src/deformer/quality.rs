@@ -167,10 +167,10 @@ impl Deformer {
         let (share, longest, resolved) = (strain_bound.share, f64::from(division.length.longest), division.length.resolved);
         let measured = f64::from(seen.stretch_of(f64::from(share)));
         let with_most = FRAMES * most(&self.rates, &self.cloth) * longest < 1.001;
-        let known = self.controller.own_of(measured, with_most, strain_bound.stretch, *dt);
+        let caution = self.caution(self.engine.contact().is_some(), false);
+        let known = self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt);
         let excess = excess(&self.cloth, load, [measured, known], share, resolved);
         let law = self.rates.strain(load.stress(&self.cloth), longest);
-        let caution = self.caution(self.engine.contact().is_some(), false);
         self.controller.learn(law, excess, caution, *dt, holds.is_some());
         let missed = excess > f64::from(strain_bound.stretch);
         let slivers = self.cloth.slivers.edges as f32 > (1.0 - share) * self.cloth.links.len() as f32;

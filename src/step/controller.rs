@@ -47,6 +47,11 @@ impl Caution {
     /// and with [`Caution::PROMPT`] up to six times, for as many substeps (`benches/results/quality.md`).
     pub(crate) const SHELL: Caution = Caution { first_factor: 2.0, aim: 0.7, memory: 2.0, patience: 0.5, per_octave: 6.0 };
 
+    /// The stretch beyond the fabric's own that the controller aims at.
+    pub(crate) fn aim(self, strain_bound: StrainBound) -> f64 {
+        self.aim * f64::from(strain_bound.stretch)
+    }
+
     /// Rounds up to the next number of the form `ceil(2^(k/n))`, so that a light breeze does not change the number of
     /// substeps in every step. These are integers, so any of them can be requested again as [`Quality::Substeps`].
     fn rounded_up(self, count: f64) -> f64 {
@@ -160,8 +165,7 @@ impl Controller {
 
     /// The number of substeps in 1/60 s that the law asks for.
     fn asked(&self, rates: &Rates, cloth: &Cloth, (strain_bound, caution): (StrainBound, Caution), load: &Load) -> f64 {
-        let stretch = caution.aim * f64::from(strain_bound.stretch);
-        let keeping = rates.keeping(load.stress(cloth), stretch / self.factor);
+        let keeping = rates.keeping(load.stress(cloth), caution.aim(strain_bound) / self.factor);
         let count = keeping.max(self.gripping(rates, cloth, load, strain_bound.share)) / FRAMES;
         let most = most(rates, cloth);
         caution.rounded_up(count.min(most).max(LEAST)).min(most)
@@ -178,15 +182,16 @@ impl Controller {
     }
 
     /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s), `with_most`
-    /// substeps or fewer, and returns it. Where less is measured, by a third of the `bound`, it is no longer known: what was
-    /// held may be slack by now, and what is measured the shortage of substeps. Nor is it after [`RENEWED`].
-    pub(crate) fn own_of(&mut self, measured: f64, with_most: bool, bound: f32, dt: f32) -> f64 {
+    /// substeps or fewer, and returns it. It matters where more is measured than the stretch aimed at. Where less is measured
+    /// than is known, by half of that, it is no longer known: what was held may be slack by now, and what is measured the
+    /// shortage of substeps. Nor is it after [`RENEWED`].
+    pub(crate) fn own_of(&mut self, measured: f64, with_most: bool, aim: f64, dt: f32) -> f64 {
         let known_for = self.known_for + f64::from(dt);
-        let holds = known_for < RENEWED && measured > self.own - f64::from(bound) / 3.0;
+        let holds = known_for < RENEWED && measured > self.own - 0.5 * aim;
         (self.own, self.known_for) = match holds {
-            _ if with_most => (measured, 0.0),
-            true => (self.own, known_for),
-            false => (0.0, 0.0),
+            _ if with_most && measured > aim => (measured, 0.0),
+            true if !with_most => (self.own, known_for),
+            _ => (0.0, 0.0),
         };
         self.own
     }
