@@ -60,7 +60,7 @@ pub(crate) struct File {
 
 /// The values of a varied key: `values`, or `count` integers from `first` on.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of a key and its values")]
 pub(crate) struct Vary {
     /// The path of the key: `wind.gusts.seed`; in lists by name or by number from 1, `collider.ball.radius`,
     /// `cloth.1.fabric`.
@@ -75,7 +75,7 @@ pub(crate) struct Vary {
 
 /// The number of substeps: one of `substeps`, `strain` and `budget`; by default a strain of 0.03.
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "a table of substeps, strain or budget")]
 pub(crate) struct Quality {
     /// Substeps per 1/60 s.
     pub(crate) substeps: Option<Whole<1>>,
@@ -100,7 +100,7 @@ pub(crate) struct Quality {
 
 /// Contact of the cloth with itself and with the other cloths.
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "a table of thickness, friction and untangle")]
 pub(crate) struct Contact {
     /// Thickness (m). 0.005.
     pub(crate) thickness: Option<Positive>,
@@ -112,7 +112,7 @@ pub(crate) struct Contact {
 
 /// The air and its motion.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of velocity and gusts")]
 pub(crate) struct Wind {
     /// Its velocity (m/s) without gusts.
     pub(crate) velocity: Animated<Vec3>,
@@ -129,7 +129,7 @@ pub(crate) struct Wind {
 
 /// Gusts: the speed varies and the direction turns about the vertical, by smooth noise.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of strength, turn and period")]
 pub(crate) struct Gusts {
     /// Largest relative change of the speed.
     pub(crate) strength: NotNegative,
@@ -144,7 +144,7 @@ pub(crate) struct Gusts {
 
 /// A cloth: from an OBJ file or a grid, then scaled, rotated and moved.
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "a table of a cloth")]
 pub(crate) struct Cloth {
     /// Name in error messages. Its number.
     pub(crate) name: Option<String>,
@@ -181,7 +181,7 @@ pub(crate) struct Cloth {
 
 /// A flat sheet.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of columns, rows, width and height")]
 pub(crate) struct Grid {
     /// Vertices along x and along z.
     pub(crate) columns: Whole<0>,
@@ -213,7 +213,7 @@ struct FabricNumbers {
 /// At any time its vertices are at their positions in the mesh, scaled by `scale` and rotated by `rotate` about `about`,
 /// and moved by `move`. Without a preroll, the run begins without a motion; a preroll begins so.
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "a table of which vertices are pinned, and how they move")]
 pub(crate) struct Pin {
     /// Name in error messages. Its number.
     pub(crate) name: Option<String>,
@@ -251,7 +251,7 @@ pub(crate) enum Rule {
 
 /// An axis-aligned box.
 #[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of low and high")]
 pub(crate) struct Bounds {
     /// Its lowest and highest corner (m).
     #[serde(deserialize_with = "plain")]
@@ -262,7 +262,7 @@ pub(crate) struct Bounds {
 
 /// A collider. Each shape has values of its own, all of which may be animated.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of a shape and how it moves")]
 pub(crate) struct Collider {
     /// Name in error messages. Its number.
     pub(crate) name: Option<String>,
@@ -311,7 +311,7 @@ pub(crate) enum ShapeName {
 
 /// Settings of the preview and the animation.
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "a table of from and begin")]
 pub(crate) struct Picture {
     /// The direction from the scene toward the camera; any length but 0. [0.52, 0.5, 1].
     #[serde(deserialize_with = "maybe")]
@@ -322,7 +322,7 @@ pub(crate) struct Picture {
 
 /// The files to write.
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "a table of a folder and a format")]
 pub(crate) struct Output {
     /// The folder for the frames. "frames".
     pub(crate) folder: Option<PathBuf>,
