@@ -59,7 +59,6 @@ fn what_cannot_be_is_refused_with_its_line() {
         ("[[cloth]]\nname = \"it\"".into(), 1, &["it", "mesh", "grid"]),
         ("[[cloth]]\n\nmesh = \"not there.obj\"".into(), 3, &["not there.obj"]),
         ("[[cloth]]\ngrid = 5".into(), 2, &["`5`", "expected a table of columns, rows, width and height"]),
-        ("quality = 20".into(), 1, &["`20`", "expected a table of substeps"]),
         ("[[cloth]]\ngrid = { columns = 1, rows = 3, width = 1, height = 1 }".into(), 2, &["1 x 3", "2 or more"]),
         ("[[cloth]]\ngrid = { columns = 90000, rows = 90000, width = 1, height = 1 }".into(), 2, &["90000"]),
         (in_cloth("at = [1e16, 0, 0]"), 1, &["1e15 m"]),
