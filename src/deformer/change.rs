@@ -71,9 +71,7 @@ impl Deformer {
         }
         self.rates = self.rates.changed(&cloth, &options);
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
-        if !bends_alike {
-            self.controller = self.controller.afresh();
-        }
+        self.controller = if bends_alike { self.controller } else { self.controller.afresh() }.changed();
         (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
         (self.cloth, self.options, self.is_current) = (cloth, options, false);
         self.wake();

@@ -98,7 +98,7 @@ pub(crate) struct Controller {
     /// The stretch that was last measured with as many substeps as help ([`most`]): it is the fabric's own, as of cloth that is
     /// too narrow for what it is pulled over. 0 if it is not known.
     own: f64,
-    /// For how long (s) it has been known.
+    /// Time (s) since then.
     known_for: f64,
 }
 
@@ -182,18 +182,22 @@ impl Controller {
     }
 
     /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s), `with_most`
-    /// substeps or fewer, and returns it. It matters where more is measured than the stretch aimed at. Where less is measured
-    /// than is known, by half of that, it is no longer known: what was held may be slack by now, and what is measured the
-    /// shortage of substeps. Nor is it after [`RENEWED`].
+    /// substeps or fewer, and returns it. It is known where more than the stretch aimed at remains with most. It is forgotten
+    /// after [`RENEWED`], and where less than it is measured by half of that aim: what was held may be slack by now, and what is
+    /// measured the shortage of substeps.
     pub(crate) fn own_of(&mut self, measured: f64, with_most: bool, aim: f64, dt: f32) -> f64 {
-        let known_for = self.known_for + f64::from(dt);
-        let holds = known_for < RENEWED && measured > self.own - 0.5 * aim;
-        (self.own, self.known_for) = match holds {
-            _ if with_most && measured > aim => (measured, 0.0),
-            true if !with_most => (self.own, known_for),
-            _ => (0.0, 0.0),
-        };
+        self.known_for += f64::from(dt);
+        if with_most {
+            (self.own, self.known_for) = (if measured > aim { measured } else { 0.0 }, 0.0);
+        } else if self.known_for > RENEWED || measured < self.own - 0.5 * aim {
+            self.own = 0.0;
+        }
         self.own
+    }
+
+    /// The state of cloth whose fabric, masses or pins were changed.
+    pub(crate) fn changed(&self) -> Controller {
+        Controller { own: 0.0, ..*self }
     }
 
     /// Updates the factor from the measured stretch beyond the fabric's own in a step of `dt` (s), for which the law with a
@@ -227,7 +231,7 @@ const RENEWED: f64 = 10.0;
 /// The measured stretch of a share of the area beyond the fabric's own. Wind stretches cloth that gives way to it little, and cloth
 /// that is held all around much: there, substeps that have `resolved` this share of the stiffness leave as large a share of
 /// the stretch whatever they do. Because these are estimates, at least a tenth of what more substeps could change counts as
-/// excess.
+/// excess. What is `known` to be the fabric's own ([`Controller::own_of`]) does not.
 pub(crate) fn excess(cloth: &Cloth, load: &Load, [measured, known]: [f64; 2], share: f32, resolved: f64) -> f64 {
     let without_wind = load.stress_without_wind(cloth) / load.stress(cloth);
     let by_wind = if load.pressure > 0.0 { resolved * (1.0 - without_wind) } else { 0.0 };
