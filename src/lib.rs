@@ -37,7 +37,6 @@ pub use device::Gpu;
 pub use error::{BuildError, ChangeError, Instability, StateError, StepError, WarpError};
 pub use glam;
 #[cfg(all(feature = "gpu", feature = "bench"))]
-pub use gpu::GpuStats;
 #[cfg(feature = "gpu")]
 pub use gpu::{BoundMesh, Surface};
 pub use io::cache_form::{CacheForm, UpAxis};

@@ -197,7 +197,7 @@ fn a_vertex_of_a_hundred_edges_is_swept_color_by_color() {
     for one in [&mut deformer, &mut exact] {
         (0..2).for_each(|_| drop(one.step(FRAME, &Attributes::default()).unwrap()));
     }
-    let dispatches = deformer.gpu_stats().unwrap().dispatches;
+    let dispatches = deformer.dispatches().unwrap();
     assert!(dispatches > 2 * 100, "{dispatches} dispatches: one a color, and more");
     let moved = rms(exact.positions().unwrap(), &mesh.positions);
     let apart = rms(exact.positions().unwrap(), deformer.positions().unwrap());

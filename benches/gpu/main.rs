@@ -22,14 +22,14 @@ use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Gpu, Levels, Options
 use crate::checks::Checks;
 use crate::device::request;
 use crate::hang::{Run, Trial, make, scene};
-use crate::limits::Limits;
+use crate::limit::Limit;
 use crate::timing::{DeviceClock, Times, time};
 
 mod checks;
 #[path = "../device.rs"]
 mod device;
 mod hang;
-mod limits;
+mod limit;
 mod timing;
 
 /// Number of cloths of 64 x 64 vertices in a crowd, without and with `--quick`.
@@ -114,8 +114,8 @@ fn run(arguments: &Arguments) -> Result<bool, Failure> {
         let sizes = if arguments.sizes.is_empty() { &[128, 256, 512, 1024] } else { arguments.sizes.as_slice() };
         return forces(gpu, clock.as_ref(), sizes).map(|()| good);
     }
-    let limits = gpu.as_ref().map(|gpu| Limits::new(gpu, arguments.quick)).transpose()?;
-    let mut bench = Bench { arguments, adapter, backends, gpu: gpu.as_ref(), clock, limits, rows: Vec::new() };
+    let limit = gpu.as_ref().map(Limit::new).transpose()?;
+    let mut bench = Bench { arguments, adapter, backends, gpu: gpu.as_ref(), clock, limit, rows: Vec::new() };
     bench.crowd()?;
     if arguments.crowd {
         bench.save()?;
@@ -138,8 +138,8 @@ struct Row {
     times: Times,
     /// Two seconds on the first available of the GPU and the CPU; strain and fall are the same on each.
     run: Option<Run>,
-    /// The least time in which the device could do the same work, in total and by its parts (ms): see [`Limits::of`].
-    limit: Option<[f64; 4]>,
+    /// The least time in which the device executes as many dispatches (ms): see [`Limit::of`].
+    limit: Option<f64>,
 }
 
 /// What all timings share.
@@ -149,7 +149,7 @@ struct Bench<'a> {
     backends: Vec<Backend>,
     gpu: Option<&'a Gpu>,
     clock: Option<DeviceClock>,
-    limits: Option<Limits>,
+    limit: Option<Limit>,
     rows: Vec<Row>,
 }
 
@@ -165,8 +165,8 @@ impl Bench<'_> {
         let clock = self.clock.as_ref().filter(|_| backend == Backend::Gpu);
         let times = time(cloths, scene, clock)?;
         let (scene, n, substeps) = row;
-        let limit = match (&self.limits, &*cloths) {
-            (Some(limits), [cloth]) => limits.of(cloth),
+        let limit = match (&self.limit, &*cloths) {
+            (Some(limit), [cloth]) => limit.of(cloth),
             _ => None,
         };
         self.rows.push(Row { scene, backend, n, substeps, times, run: None, limit });
@@ -182,11 +182,11 @@ impl Bench<'_> {
             "at most 1 %, sampled every 20 frames over 2 s; center of mass down by 0.372 m within 2 % at frame 20; no energy gained."
         );
         println!(
-            "Queued: frames submitted without waiting; device: the same by the GPU's clock. Limit: the time of the step's dispatches,"
+            "Queued: frames submitted without waiting; device: the same by the GPU's clock. Limit: as many of the shortest dispatches;"
         );
-        println!("colors or edges, and bytes at the limits above; over: the device's time divided by the limit.\n");
+        println!("over: the device's time divided by the limit.\n");
         println!(
-            "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | limit: dispatches + colors + bytes | over | Newton 1.8 (H200, measured elsewhere) |"
+            "| N | S | levels | mean strain | max | drop | motion | Cpu | Hybrid | Gpu | queued | device | limit | over | Newton 1.8 (H200, measured elsewhere) |"
         );
         println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
         let judge = *self.backends.last().ok_or("no backend")?;
@@ -239,9 +239,9 @@ impl Bench<'_> {
             if backend == Backend::Gpu {
                 let device = times.device.map_or("-".to_owned(), |ms| format!("{ms:.3}"));
                 let limit = self.rows.last().and_then(|row| row.limit);
-                let cell = limit.map_or("- | -".to_owned(), |[all, dispatches, rounds, bytes]| {
-                    let over = times.device.map_or("-".to_owned(), |ms| format!("{:.2}", ms / all));
-                    format!("{all:.3}: {dispatches:.3} + {rounds:.3} + {bytes:.3} | {over}")
+                let cell = limit.map_or("- | -".to_owned(), |limit| {
+                    let over = times.device.map_or("-".to_owned(), |ms| format!("{:.2}", ms / limit));
+                    format!("{limit:.3} | {over}")
                 });
                 deep = format!("{:.3} | {device} | {cell}", times.queued);
             }
@@ -358,12 +358,11 @@ fn csv(rows: &[Row], adapter: &str, arguments: &Arguments) -> String {
     let mut text = String::from(
         "scene,backend,method,n,substeps,ms,mean_strain,max_strain,drop,adapter,date,commit,levels,ms_queued,ms_device,ms_limit,over\n",
     );
-    for Row { scene, backend, n, substeps, times, run, limit } in rows {
+    for Row { scene, backend, n, substeps, times, run, limit } in rows.iter().cloned() {
         let figure = |figure: Option<f64>| figure.map_or(String::new(), |figure| format!("{figure:.4e}"));
         let motion =
             [run.map(|run| run.mean_strain), run.map(|run| run.max_strain), run.map(|run| run.drop)].map(figure).join(",");
         let levels = run.map_or(String::new(), |run| run.levels.to_string());
-        let limit = limit.map(|[all, ..]| all);
         let over = times.device.zip(limit).map(|(ms, limit)| ms / limit);
         let backend = format!("{backend:?}").to_lowercase();
         let adapter = if backend == "cpu" { "" } else { adapter }.replace(',', ";");

@@ -6,7 +6,7 @@ use crate::contact::Tally;
 use crate::cpu::Cpu;
 use crate::simd::Width;
 #[cfg(feature = "gpu")]
-use crate::{attributes::Attributes, error::StepError, gpu::GpuStats};
+use crate::{attributes::Attributes, error::StepError};
 
 #[doc(hidden)]
 impl Deformer {
@@ -45,12 +45,12 @@ impl Deformer {
         }
     }
 
-    /// What the last step submitted to the GPU.
+    /// Number of dispatches that the last step submitted to the GPU.
     #[cfg(feature = "gpu")]
     #[must_use]
-    pub fn gpu_stats(&self) -> Option<GpuStats> {
+    pub fn dispatches(&self) -> Option<usize> {
         match &self.engine {
-            Engine::Gpu(gpu) => Some(gpu.stats()),
+            Engine::Gpu(gpu) => Some(gpu.dispatches()),
             _ => None,
         }
     }

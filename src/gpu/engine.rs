@@ -1,9 +1,8 @@
 //! A cloth on the GPU: prepares and submits steps. Which way a step is done is chosen in `route.rs`, its commands are in
-//! `encode.rs`, statistics of its work in `cost.rs`, access to the state between steps in `state.rs`, and steps with contact
-//! of the cloth with itself in `contact.rs`.
+//! `encode.rs`, access to the state between steps in `state.rs`, and steps with contact of the cloth with itself in
+//! `contact.rs`.
 
 mod contact;
-mod cost;
 mod encode;
 mod route;
 mod state;
@@ -21,7 +20,6 @@ use crate::gpu::readback::Readback;
 use crate::gpu::stage::Sent;
 use crate::gpu::state::StateBuffers;
 use crate::gpu::statistics::Counter;
-use crate::gpu::stats::GpuStats;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{OnDemand, PerColor, SingleWorkgroup, SweepInputs, Tiled};
@@ -69,8 +67,8 @@ pub(crate) struct GpuEngine {
     report: Report,
     /// Created when the cloth is first drawn.
     normals: Option<Normals>,
-    /// The work of the last step.
-    stats: GpuStats,
+    /// Number of dispatches of the last step, each of which waits for the one before.
+    dispatches: usize,
     /// The error that kept a step from being prepared. Later steps fail with it too, because buffers may be incomplete.
     broken: Option<GpuFault>,
 }
@@ -146,7 +144,7 @@ impl GpuEngine {
                 counter: None,
                 counts: false,
                 normals: None,
-                stats: GpuStats::default(),
+                dispatches: 0,
                 broken: None,
             })
         })
@@ -183,6 +181,12 @@ impl GpuEngine {
         self.gpu.name()
     }
 
+    /// Number of dispatches of the last step.
+    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
+    pub(crate) fn dispatches(&self) -> usize {
+        self.dispatches
+    }
+
     pub(crate) fn position_buffer(&self) -> &wgpu::Buffer {
         &self.forces.states[0].x
     }
@@ -201,7 +205,7 @@ impl GpuEngine {
             let route = self.prepare(plan, false);
             Gpu::refused()?;
             let mut submission = Submission::new(&gpu);
-            self.stats.dispatches = self.encode(&mut submission, plan, route);
+            self.dispatches = self.encode(&mut submission, plan, route);
             let due = self.report.is_due();
             submission.submit_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
             self.report.ask(due);
@@ -239,7 +243,7 @@ impl GpuEngine {
                     Gpu::refused().inspect_err(|fault| engine.broken = Some(fault.clone()))?;
                 }
                 for ((_, engine, plan), route) in together.iter_mut().zip(routes) {
-                    engine.stats.dispatches = engine.encode(&mut submission, plan, route);
+                    engine.dispatches = engine.encode(&mut submission, plan, route);
                 }
                 let due: Vec<bool> = together.iter_mut().map(|(_, engine, _)| engine.report.is_due()).collect();
                 submission.submit_with(|encoder| {
@@ -273,7 +277,6 @@ impl GpuEngine {
             self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
         }
         self.prepare_counter(plan);
-        self.stats = self.count(plan, route);
         route
     }
 

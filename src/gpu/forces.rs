@@ -145,17 +145,6 @@ impl Forces {
         plan.params.levels > 0 && self.bending.as_ref().is_some_and(|bending| plan.bending && bending.averages())
     }
 
-    /// Bytes that the forces of a substep read and write, if gathered data is read once.
-    pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
-        let vertices = plan.cloth.rest.len();
-        let entries = || size_of_val(plan.cloth.bending().entries.items.as_slice());
-        let again = plan.coefficients.bending.passes.len().saturating_sub(1);
-        let bending = if plan.bending { 2 * (1 + again) * entries() + (140 + 136 * again) * vertices } else { 0 };
-        let wind = if plan.wind { 28 * plan.cloth.triangles.len() + 72 * vertices } else { 0 };
-        let springs = if plan.method == Method::Springs { 24 * plan.cloth.swept().len() + 48 * vertices } else { 0 };
-        48 * vertices + bending + wind + springs
-    }
-
     /// Encodes the forces of one substep that starts from state number `from`.
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();

@@ -38,7 +38,6 @@ mod slices;
 mod stage;
 mod state;
 mod statistics;
-mod stats;
 mod submission;
 mod surface;
 mod sweep;
@@ -55,5 +54,4 @@ pub(crate) use engine::GpuEngine;
 pub(crate) use forces::Forces;
 pub(crate) use stage::{Bind, ComputePass, Stage};
 #[cfg(feature = "bench")]
-pub use stats::GpuStats;
 pub use surface::Surface;

@@ -37,8 +37,6 @@ pub(crate) struct Tiles {
     /// Most vertices in a tile, and most edges of a color in a tile.
     pub largest: usize,
     pub widest: usize,
-    /// Edges of all tiles; those in halos count in each tile that has them.
-    pub swept: usize,
     /// The place in the table where the edges start, and for each word from there on the cloth's edge that it belongs
     /// to.
     edges: usize,
@@ -128,9 +126,8 @@ impl Tiles {
                 }
             }
         }
-        let swept = tiles.iter().flat_map(|tile| &tile.edges).map(Vec::len).sum();
         let held = tiles.iter().map(|tile| tile.vertices.len()).collect();
-        Tiles { table, held, count, colors, largest, widest, swept, edges, sources }
+        Tiles { table, held, count, colors, largest, widest, edges, sources }
     }
 
     /// Most own vertices of a tile.

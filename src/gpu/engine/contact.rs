@@ -157,7 +157,7 @@ impl GpuEngine {
         let save = |encoder: &mut wgpu::CommandEncoder| self.contact.iter_mut().for_each(|contact| contact.save(encoder));
         let mut submission = Submission::in_portions(gpu, save);
         self.encode_substeps(&mut submission, swept, Some(plan));
-        self.stats.dispatches = submission.dispatches();
+        self.dispatches = submission.dispatches();
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         submission.submit_with(|encoder| contact.copy(encoder));
         if !searched && contact.on_cpu.kinematics_cross(plan) {
@@ -167,7 +167,7 @@ impl GpuEngine {
         // The device waits for the commit, so it is encoded before the judgment.
         let mut commit = Submission::new(gpu);
         self.encode_commit(&mut commit, swept);
-        self.stats.dispatches += commit.dispatches();
+        self.dispatches += commit.dispatches();
         let due = self.report.is_due();
         let commit = commit.finish_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };

@@ -96,12 +96,6 @@ impl LevelTable {
         }
     }
 
-    /// Colors, or parts of them, and edges of the finest `levels` levels of the cloth.
-    pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
-        let parts = self.runs.iter().filter(|(level, part)| *level < levels && !part.is_empty()).map(|(_, part)| part.len());
-        [parts.clone().count(), parts.sum()]
-    }
-
     /// Stores the coefficients of the edges of the levels in use, here and in `buffer`, where the table starts at byte
     /// `start`.
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, buffer: &wgpu::Buffer, start: usize, levels: &[Vec<Edge>]) {

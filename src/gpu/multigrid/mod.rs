@@ -54,8 +54,6 @@ pub(crate) struct Multigrid {
     pub averages: wgpu::Buffer,
     /// The correction of each of them.
     pub shift: wgpu::Buffer,
-    /// For each level the number of members of its aggregates and of those of all finer levels.
-    items: Vec<usize>,
     /// The start of each level's aggregates among those of all levels, and the end.
     starts: Vec<usize>,
     /// The substep and the number of levels that the uploaded edges belong to.
@@ -82,13 +80,12 @@ impl Multigrid {
         let averages = gpu.filled("averages", &at_start);
         let shift = gpu.buffer("shift", averages.size() / 2);
 
-        let (mut spans, mut members, mut items) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut spans, mut members) = (Vec::new(), Vec::new());
         for (index, level) in levels.iter().enumerate() {
             let (below, first) = (if index > 0 { starts[index - 1] } else { 0 }, members.len() as u32);
             spans.extend(level.members.spans.iter().map(|span| Span { start: first + span.start, end: first + span.end }));
             let shares = level.members.items.iter().zip(&level.share);
             members.extend(shares.map(|(&item, &share)| Member { item: below as u32 + item, share }));
-            items.push(members.len());
         }
         let (spans, members) = (gpu.filled("spans", &spans), gpu.filled("members", &members));
         let aggregates: Vec<Batch> = starts.windows(2).map(|ends| Batch::from(ends[0]..ends[1])).collect();
@@ -118,7 +115,7 @@ impl Multigrid {
             Some(tiled) => LevelSweep::Tiled(tiled),
             None => LevelSweep::PerColor(LevelsPerColor::new(gpu, levels, &aggregates, forces, buffers)),
         };
-        Multigrid { averages, shift, items, starts, sent: None, restrict_vertices, restrict_aggregates, sweep }
+        Multigrid { averages, shift, starts, sent: None, restrict_vertices, restrict_aggregates, sweep }
     }
 
     /// Number of levels that are swept in tiles.
@@ -138,24 +135,6 @@ impl Multigrid {
         match &mut self.sweep {
             LevelSweep::Tiled(tiled) => tiled.send_edges(gpu, &plan.coefficients.levels),
             LevelSweep::PerColor(per_color) => per_color.send_edges(gpu, &self.starts, &plan.coefficients.levels),
-        }
-    }
-
-    /// Bytes of a substep with this many levels, including those of coarser levels that are read along with them.
-    pub(crate) fn bytes(&self, levels: usize) -> usize {
-        let swept = match &self.sweep {
-            LevelSweep::Tiled(tiled) => tiled.bytes(),
-            LevelSweep::PerColor(per_color) => per_color.bytes(),
-        };
-        // Members and what they are averaged from; the averages and their corrections.
-        40 * self.items[levels - 1] + 48 * self.starts[levels] + swept
-    }
-
-    /// Colors inside dispatches, which are processed one after another, and edges, of a substep.
-    pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
-        match &self.sweep {
-            LevelSweep::Tiled(tiled) => tiled.counts(levels),
-            LevelSweep::PerColor(_) => [0, 0],
         }
     }
 

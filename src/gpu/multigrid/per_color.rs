@@ -73,10 +73,6 @@ impl LevelsPerColor {
         gpu.write(&self.edges, 0, &all);
     }
 
-    pub(crate) fn bytes(&self) -> usize {
-        7 * self.edges.size() as usize
-    }
-
     /// Encodes the sweeps of this many levels, the coarsest first.
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize) {
         let count = |level: usize| self.aggregates[level].count as usize;

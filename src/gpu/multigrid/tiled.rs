@@ -86,18 +86,6 @@ impl TiledLevels {
         }
     }
 
-    pub(crate) fn bytes(&self) -> usize {
-        let in_tiles: usize = self.in_tiles.iter().map(|(tiles, ..)| tiles.bytes()).sum();
-        in_tiles + self.in_workgroup.as_ref().map_or(0, |(levels, ..)| size_of_val(levels.table.as_slice()))
-    }
-
-    /// Colors, which are processed one after another, and edges of this many levels.
-    pub(crate) fn counts(&self, levels: usize) -> [usize; 2] {
-        let [rounds, edges] = self.in_workgroup.as_ref().map_or([0, 0], |(table, ..)| table.counts(levels));
-        let in_tiles = self.in_tiles.iter().take(levels);
-        in_tiles.fold([rounds, edges], |[rounds, edges], (tiles, ..)| [rounds + tiles.colors, edges + tiles.swept])
-    }
-
     /// Encodes the sweeps of this many levels, the coarsest first.
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize) {
         if let Some((_, _, stage)) = self.in_workgroup.as_ref().filter(|_| levels > self.in_tiles.len()) {

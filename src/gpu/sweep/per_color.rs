@@ -63,11 +63,6 @@ impl PerColor {
         }
     }
 
-    /// Bytes of a substep.
-    pub(crate) fn bytes(plan: &Plan<'_>) -> usize {
-        plan.params.sweeps as usize * 112 * plan.cloth.swept().len()
-    }
-
     /// Encodes the sweeps and contact of a substep, number `group` of [`crate::gpu::state::PING_PONG`].
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
         for _ in 0..plan.params.sweeps {

@@ -122,19 +122,6 @@ impl SingleWorkgroup {
         }
     }
 
-    /// Number of colors that are swept one after another, and of edges, in a substep.
-    pub(crate) fn counts(&self, plan: &Plan<'_>) -> [usize; 2] {
-        let used = plan.coefficients.levels.len();
-        let [rounds, edges] = self.levels.as_ref().map_or([0, 0], |levels| levels.counts(used));
-        let sweeps = plan.params.sweeps as usize;
-        [rounds + sweeps * self.tiles.colors, edges + sweeps * self.tiles.swept]
-    }
-
-    /// Bytes of memory traffic in a step; what stays on the chip counts once.
-    pub(crate) fn bytes(&self) -> usize {
-        self.table.size() as usize + 2 * self.state.size() as usize
-    }
-
     /// The edge at a position in the shader's table.
     pub(crate) fn edge(&self, place: usize) -> usize {
         self.tiles.edge(place)

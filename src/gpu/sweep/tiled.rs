@@ -211,17 +211,6 @@ impl Tiled {
         }
     }
 
-    /// Colors, which are processed one after another, and edges of a substep.
-    pub(crate) fn counts(&self) -> [usize; 2] {
-        let level = self.level.as_ref();
-        [self.tiles.colors + level.map_or(0, |level| level.colors), self.tiles.swept + level.map_or(0, |level| level.swept)]
-    }
-
-    /// Bytes that a substep reads: its tiles, and what bending and the level read besides.
-    pub(crate) fn bytes(&self) -> usize {
-        self.tiles.bytes() + self.at.end - self.at.rows
-    }
-
     /// Encodes a substep, number `group` of [`PING_PONG`]. With bending, tiles always predict; otherwise unless the
     /// displacements are `predicted` already.
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, group: usize, predicted: bool) {
