@@ -134,7 +134,7 @@ impl Engine {
             done.push(Ok(None));
             match engine {
                 #[cfg(feature = "gpu")]
-                Engine::Gpu(gpu) => match gpu.is_whole() {
+                Engine::Gpu(gpu) => match gpu.check_whole() {
                     // Such a step waits for the GPU, so it cannot share a submission with others.
                     Ok(()) if gpu.contact.is_some() || plan.has_contact() => {
                         done[index] = gpu.step(&plan).and_then(|()| gpu.statistics());
@@ -198,35 +198,41 @@ impl Engine {
         }
     }
 
+    /// The same, to be changed.
+    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "without a GPU there is always one"))]
+    pub(crate) fn cpu_mut(&mut self) -> Option<&mut Cpu> {
+        match self {
+            Engine::Cpu(cpu) => Some(cpu),
+            #[cfg(feature = "gpu")]
+            Engine::Hybrid(hybrid) => Some(hybrid.cpu_mut()),
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(_) => None,
+        }
+    }
+
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         match self {
-            Engine::Cpu(cpu) => cpu.set(x, p),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.set(x, p),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.set(x, p),
+            _ => self.cpu_mut().into_iter().for_each(|cpu| cpu.set(x, p)),
         }
     }
 
     /// Replaces the state that was set, before any step from it. What else the engine knows stays.
     pub(crate) fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
         match self {
-            Engine::Cpu(cpu) => cpu.put(x, p),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.put(x, p),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.put(x, p, 0),
+            _ => self.cpu_mut().into_iter().for_each(|cpu| cpu.put(x, p)),
         }
     }
 
     /// What the engine knows besides positions and displacements.
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
         match self {
-            Engine::Cpu(cpu) => Ok(cpu.past()),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => Ok(hybrid.cpu.past()),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.past(),
+            _ => Ok(self.cpu().map(Cpu::past).unwrap_or_default()),
         }
     }
 
@@ -239,11 +245,9 @@ impl Engine {
         past: &Past,
     ) -> Result<bool, Failure> {
         match self {
-            Engine::Cpu(cpu) => Ok(cpu.resume(cloth, options.contact, [x, p], past)),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => Ok(hybrid.resume(cloth, options.contact, [x, p], past)),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.resume(cloth, options.contact, [x, p], past),
+            _ => Ok(self.cpu_mut().is_some_and(|cpu| cpu.resume(cloth, options.contact, [x, p], past))),
         }
     }
 
@@ -296,11 +300,9 @@ impl Engine {
     /// Passes the state, positions `x` and displacements `p`, to `read`.
     pub(crate) fn read(&mut self, read: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         match self {
-            Engine::Cpu(cpu) => read(&cpu.x, &cpu.p),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => read(&hybrid.cpu.x, &hybrid.cpu.p),
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.read(read)?,
+            _ => self.cpu().map_or((), |cpu| read(&cpu.x, &cpu.p)),
         }
         Ok(())
     }

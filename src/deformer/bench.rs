@@ -1,9 +1,9 @@
 //! Hooks for the benches and tests of this repository; not part of the crate's interface.
 
 use super::Deformer;
+#[cfg(feature = "gpu")]
 use crate::backend::Engine;
 use crate::contact::Tally;
-use crate::cpu::Cpu;
 use crate::simd::Width;
 #[cfg(feature = "gpu")]
 use crate::{attributes::Attributes, error::StepError};
@@ -13,18 +13,18 @@ impl Deformer {
     /// Limits SIMD to this many lanes (4, 8 or 16), whatever the processor supports, and returns the number used.
     pub fn at_most_lanes(&mut self, lanes: usize) -> usize {
         let width = Width::at_most(lanes);
-        self.cpu().into_iter().for_each(|cpu| cpu.narrow(width));
+        self.engine.cpu_mut().into_iter().for_each(|cpu| cpu.narrow(width));
         width.lanes()
     }
 
     /// Runs the passes as parallel loops one after another instead of as a task graph.
     pub fn loop_by_loop(&mut self, loops: bool) {
-        self.cpu().into_iter().for_each(|cpu| cpu.loop_by_loop = loops);
+        self.engine.cpu_mut().into_iter().for_each(|cpu| cpu.loop_by_loop = loops);
     }
 
     /// Steps on this many threads, if the pool has that many, instead of on as many as pay off.
     pub fn on_threads(&mut self, threads: usize) {
-        self.cpu().into_iter().for_each(|cpu| cpu.on_threads(threads));
+        self.engine.cpu_mut().into_iter().for_each(|cpu| cpu.on_threads(threads));
     }
 
     /// Counters of contact in the last step: pressing pairs, detections, listed pairs, near pairs.
@@ -32,17 +32,6 @@ impl Deformer {
     pub fn contact_tally(&self) -> [u32; 4] {
         let of = |tally: Tally| [tally.contacts, tally.detections, tally.listed, tally.near];
         self.engine.contact().map_or([0; 4], of)
-    }
-
-    #[cfg_attr(not(feature = "gpu"), expect(clippy::unnecessary_wraps, reason = "without a GPU there is always one"))]
-    fn cpu(&mut self) -> Option<&mut Cpu> {
-        match &mut self.engine {
-            Engine::Cpu(cpu) => Some(cpu),
-            #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => Some(&mut hybrid.cpu),
-            #[cfg(feature = "gpu")]
-            Engine::Gpu(_) => None,
-        }
     }
 
     /// Number of dispatches that the last step submitted to the GPU.

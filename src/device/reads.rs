@@ -85,16 +85,10 @@ impl Gpu {
         self.checked(|| {
             // A substitute for a refused buffer does not have the bytes.
             Gpu::refused()?;
-            let (send, receive) = std::sync::mpsc::channel();
-            staging.map_async(wgpu::MapMode::Read, .., move |mapped| {
-                // The receiver waits below. If it has given up, nobody needs the message.
-                let _ = send.send(mapped);
-            });
+            let mapping = Mapping::new(staging.clone());
             self.wait()?;
-            receive.recv().map_err(GpuFault::other)?.map_err(GpuFault::other)?;
-            let seen = staging.get_mapped_range(..).map(|bytes| read(&bytes)).map_err(GpuFault::other);
-            staging.unmap();
-            seen
+            self.wait_for(|| mapping.is_told())?;
+            mapping.read(self, "what was read", read)?.ok_or_else(|| self.unmapped("what was read"))
         })
     }
 

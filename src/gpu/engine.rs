@@ -153,7 +153,7 @@ impl GpuEngine {
     /// Continues with a cloth that was changed, at `x` with its inverse masses, in the same buffers, because renderers
     /// hold them.
     pub(crate) fn change(&mut self, cloth: &Cloth, method: Method, change: Change, [x, p]: [&[Vec4]; 2]) -> Result<(), Failure> {
-        self.is_whole()?;
+        self.check_whole()?;
         if change == Change::Stiffness {
             self.forces.forget_springs();
             return Ok(());
@@ -193,29 +193,18 @@ impl GpuEngine {
 
     /// Submits a step. Returns before it is done.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        self.is_whole()?;
+        self.check_whole()?;
         let has_contact = !IN_BROWSER && (self.contact.is_some() || plan.has_contact());
         if has_contact { self.step_with(plan) } else { self.step_alone(plan) }
     }
 
     /// Submits a step without contact of triangles.
     fn step_alone(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        let gpu = self.gpu.clone();
-        let stepped = gpu.checked(|| {
-            let route = self.prepare(plan, false);
-            Gpu::refused()?;
-            let mut submission = Submission::new(&gpu);
-            self.dispatches = self.encode(&mut submission, plan, route);
-            let due = self.report.is_due();
-            submission.submit_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
-            self.report.ask(due);
-            Ok(())
-        });
-        stepped.map_err(|fault| self.break_off(fault))
+        GpuEngine::step_all(&mut [(0, self, Plan { ..*plan })]).pop().map_or(Ok(()), |(_, failure)| Err(failure))
     }
 
     /// Fails if an earlier step could not be prepared.
-    pub(crate) fn is_whole(&self) -> Result<(), Failure> {
+    pub(crate) fn check_whole(&self) -> Result<(), Failure> {
         self.broken.clone().map_or(Ok(()), |fault| Err(Failure::Gpu(fault)))
     }
 
@@ -236,21 +225,18 @@ impl GpuEngine {
             let gpu = together[0].1.gpu.clone();
             let submitted = gpu.checked(|| {
                 let mut submission = Submission::new(&gpu);
-                let mut routes = Vec::new();
                 for (_, engine, plan) in together.iter_mut() {
-                    routes.push(engine.prepare(plan, crowd));
+                    engine.prepare(plan, crowd);
                     // A failure of one cloth fails this step for all of them. The others can be stepped again.
                     Gpu::refused().inspect_err(|fault| engine.broken = Some(fault.clone()))?;
                 }
-                for ((_, engine, plan), route) in together.iter_mut().zip(routes) {
-                    engine.dispatches = engine.encode(&mut submission, plan, route);
+                for (_, engine, plan) in together.iter_mut() {
+                    engine.dispatches = engine.encode(&mut submission, plan, engine.route(plan, crowd));
                 }
-                let due: Vec<bool> = together.iter_mut().map(|(_, engine, _)| engine.report.is_due()).collect();
                 submission.submit_with(|encoder| {
-                    let due = together.iter().zip(&due);
-                    due.for_each(|((_, engine, _), &due)| engine.report.copy(encoder, &engine.commit.found, due));
+                    together.iter_mut().for_each(|(_, engine, _)| engine.report.copy_if_due(encoder, &engine.commit.found));
                 });
-                together.iter_mut().zip(due).for_each(|((_, engine, _), due)| engine.report.ask(due));
+                together.iter_mut().for_each(|(_, engine, _)| engine.report.ask_if_copied());
                 Ok(())
             });
             if let Err(reason) = submitted {
@@ -264,8 +250,8 @@ impl GpuEngine {
         failures
     }
 
-    /// Uploads what the step needs. Returns how it is to be executed, for a cloth alone or in a crowd.
-    fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) -> Route {
+    /// Uploads what the step needs, for a cloth alone or in a crowd.
+    fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) {
         let (route, forced, has_new_levels) = self.make_stages(plan, crowd);
         let averages = self.multigrid.as_ref().map(|multigrid| &multigrid.averages);
         let has_moved = self.forces.prepare(&self.gpu, &forced, route == Route::SingleWorkgroup, averages);
@@ -277,7 +263,6 @@ impl GpuEngine {
             self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
         }
         self.prepare_counter(plan);
-        route
     }
 
     /// Makes the stages that the step needs and that do not exist yet. Returns how it is to be executed, the part of it that is

@@ -53,6 +53,8 @@ pub(crate) struct Report {
     asked: Option<Mapping>,
     /// Steps since the last request.
     steps: u32,
+    /// Whether the last submission copied the words.
+    is_copied: bool,
     /// Whether what was asked for is of a state that was replaced meanwhile.
     is_stale: bool,
 }
@@ -60,33 +62,27 @@ pub(crate) struct Report {
 impl Report {
     pub(crate) fn new(gpu: &Gpu) -> Report {
         let staging = gpu.staging("found", size_of::<Defects>() as u64);
-        Report { staging, asked: None, steps: 0, is_stale: false }
+        Report { staging, asked: None, steps: 0, is_copied: false, is_stale: false }
     }
 
-    /// Counts a step; returns whether it should request the words.
-    pub(crate) fn is_due(&mut self) -> bool {
+    /// Counts a step, and copies the words after what was encoded if they are due.
+    pub(crate) fn copy_if_due(&mut self, encoder: &mut wgpu::CommandEncoder, found: &wgpu::Buffer) {
         self.steps += 1;
-        self.steps >= EVERY && self.asked.is_none()
-    }
-
-    /// Copies the words after what was encoded, if `due`.
-    pub(crate) fn copy(&self, encoder: &mut wgpu::CommandEncoder, found: &wgpu::Buffer, due: bool) {
-        if !due {
-            return;
+        self.is_copied = self.steps >= EVERY && self.asked.is_none();
+        if self.is_copied {
+            encoder.copy_buffer_to_buffer(found, 0, &self.staging, 0, self.staging.size());
         }
-        encoder.copy_buffer_to_buffer(found, 0, &self.staging, 0, self.staging.size());
     }
 
-    /// Requests the words that the last submission copied, if `due`.
-    pub(crate) fn ask(&mut self, due: bool) {
-        if !due {
-            return;
+    /// Requests the words, if the last submission copied them.
+    pub(crate) fn ask_if_copied(&mut self) {
+        if std::mem::take(&mut self.is_copied) {
+            self.steps = 0;
+            self.asked = Some(Mapping::new(self.staging.clone()));
         }
-        self.steps = 0;
-        self.asked = Some(Mapping::new(self.staging.clone()));
     }
 
-    /// Drops the words that are under way. Their buffer can be used again only when they have arrived.
+    /// Ignores the words that are under way when they arrive. Until then their buffer is in use.
     pub(crate) fn forget(&mut self) {
         self.is_stale = self.asked.is_some();
     }

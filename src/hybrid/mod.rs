@@ -13,28 +13,14 @@
 //! contact also shifts positions.
 //!
 //! # How often
-//! Every substep, if at all. The table shows half a second of a square meter of 65 x 65 vertices at 20 substeps
-//! (an H200, commit 02673eb, which could hold the forces of one exchange for several substeps): RMS distance from 640
-//! substeps on the CPU (m), and milliseconds per frame.
-//!
-//! | an exchange every | 1 | 2 | 4 | 10 | 20 |
-//! |---|---|---|---|---|---|
-//! | gravity alone | .0060, 0.57 | the same: there is none | | | |
-//! | bending, 1e-4 N m | .0050, 1.8 | .012, 1.3 | .044, 0.96 | .24, 0.85 | .26, 0.72 |
-//! | wind, 5 m/s | .037, 1.5 | .037, 1.0 | .037, 0.57 | .038, 0.39 | .044, 0.32 |
-//! | a towel in it, damped | .016, 1.9 | .018, 1.3 | .045, 0.96 | .068, 0.87 | .059, 0.64 |
-//!
-//! Held bending forces act late, which adds energy: from 2 substeps on the sheet shivers. Wind alone could be held for
-//! half a frame without a larger error than 20 substeps have anyway, but it moves the cloth by .004 m (2) to .024 m
-//! (20) from where the other engines have it, so it is not held. The figures, and how close an exchange comes to the
-//! bare transfer, are in `benches/results/hybrid_h200.csv`.
+//! Every substep, if at all. Forces that are held for several substeps act late, which adds energy: bent sheets shiver from two
+//! on. Wind could be held for half a frame, but then moves the cloth by .004 to .024 m from where the other engines have it
+//! (`benches/results/hybrid.md`).
 
 mod exchange;
 mod stages;
 
 use std::sync::Mutex;
-
-use glam::Vec4;
 
 use crate::cpu::{Cpu, SharedArray};
 use crate::device::Gpu;
@@ -47,8 +33,6 @@ use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::hybrid::stages::{ExchangedStep, Exchanges};
 use crate::kernels::params::{Params, Substep};
 use crate::model::cloth::{Change, Cloth};
-use crate::options::Contact;
-use crate::past::Past;
 use crate::step::plan::Plan;
 
 /// A cloth whose state is in the CPU's memory and whose forces are computed on the GPU.
@@ -93,22 +77,10 @@ impl Hybrid {
         self.gpu.name()
     }
 
-    /// Sets positions and displacements.
-    pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
+    /// The cloth on the CPU, to be changed: the next step sends its state anew.
+    pub(crate) fn cpu_mut(&mut self) -> &mut Cpu {
         self.sent = None;
-        self.cpu.set(x, p);
-    }
-
-    pub(crate) fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
-        self.sent = None;
-        self.cpu.put(x, p);
-    }
-
-    /// Resumes from a state and a recorded past. Returns false if this cloth cannot have such a past; positions and
-    /// displacements are then unchanged.
-    pub(crate) fn resume(&mut self, cloth: &Cloth, options: Option<Contact>, state: [&[Vec4]; 2], past: &Past) -> bool {
-        self.sent = None;
-        self.cpu.resume(cloth, options, state, past)
+        &mut self.cpu
     }
 
     /// Continues with changed parameters of the cloth.

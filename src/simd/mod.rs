@@ -24,6 +24,21 @@ pub(crate) use vector::Vector;
 /// The largest number of lanes. Arrays are padded to whole groups of so many, and tiles begin at multiples of it.
 pub(crate) const MAX_LANES: usize = 16;
 
+/// The places of the bits that are set, lowest first.
+#[derive(Debug)]
+pub(crate) struct Bits(pub u64);
+
+impl Iterator for Bits {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let place = (self.0 != 0).then(|| self.0.trailing_zeros() as usize);
+        self.0 &= self.0.wrapping_sub(1);
+        place
+    }
+}
+
 /// The number of lanes to use. Values can be obtained only by detection, so that the processor supports them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Width(Instructions);

@@ -28,7 +28,7 @@ use crate::contact::input::ContactInput;
 use crate::contact::surface::lanes::{number, scattered, store, vector, whole_corners_of};
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::{excess, share_above};
-use crate::simd::{self, Loop, MAX_LANES, Registers};
+use crate::simd::{self, Bits, Loop, MAX_LANES, Registers};
 
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
 /// [`Vertex::half_gap`](crate::contact::input::Vertex::half_gap).
@@ -211,7 +211,7 @@ impl Loop for Shares<'_> {
                 let height = heights[k] + along;
                 let share = L::select(zero.lt(is_kinematic[k]), one, share_above(height, clearance, towards[k]));
                 passed_by = passed_by.max(L::select(zero.lt(is_kinematic[k]), zero, zero - height));
-                let mut lanes = L::bits(share.lt(one)) & near;
+                let lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
                     let (mut shares, mut beyond, mut squares) = ([0.0; MAX_LANES], [Vec4::ZERO; MAX_LANES], [0.0; MAX_LANES]);
                     store(&mut shares, share);
@@ -220,9 +220,7 @@ impl Loop for Shares<'_> {
                         scattered(normal * (if k < kind.first_side() { zero - by } else { by }), &mut beyond);
                         store(&mut squares, by * by);
                     }
-                    while lanes != 0 {
-                        let lane = lanes.trailing_zeros() as usize;
-                        lanes &= lanes - 1;
+                    for lane in Bits(lanes.into()) {
                         found.shares.push((places[lane][k], shares[lane]));
                         if has_kinematic >> lane & 1 != 0 {
                             found.beyond.push((places[lane][k], beyond[lane].with_w(squares[lane])));
@@ -230,10 +228,8 @@ impl Loop for Shares<'_> {
                     }
                 }
             }
-            let mut are_passed = L::bits(zero.lt(passed_by)) & near;
-            while are_passed != 0 {
-                found.passed.push(places[are_passed.trailing_zeros() as usize]);
-                are_passed &= are_passed - 1;
+            for lane in Bits((L::bits(zero.lt(passed_by)) & near).into()) {
+                found.passed.push(places[lane]);
             }
         }
     }

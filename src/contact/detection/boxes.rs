@@ -41,13 +41,6 @@ impl Boxes {
         });
     }
 
-    /// Sets the box of an item.
-    pub(crate) fn set(&mut self, item: usize, [low, high]: [Vec3A; 2]) {
-        for k in 0..3 {
-            (self.low[k][item], self.high[k][item]) = (low[k], high[k]);
-        }
-    }
-
     #[inline(always)]
     pub(crate) fn get(&self, item: usize) -> [Vec3A; 2] {
         self.bounds(item).map(Vec3A::from_array)

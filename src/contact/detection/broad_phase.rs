@@ -7,7 +7,7 @@ use glam::Vec3A;
 use super::boxes::Boxes;
 use super::tree::{DetectionScope, Tree};
 use crate::contact::surface::Surface;
-use crate::simd::{Loop, Registers};
+use crate::simd::{Bits, Loop, Registers};
 
 /// Indices of the features' boxes.
 pub(crate) const TRIANGLES: usize = 0;
@@ -75,14 +75,12 @@ fn pierce<L: Registers>(
             continue;
         }
         for some in vertices.clone().step_by(L::LANES) {
-            let mut left = boxes[VERTICES].in_lanes::<L>(some, vertices.end - some, places[1], reach).lanes;
-            while left != 0 {
-                let item = some + left.trailing_zeros() as usize;
-                left &= left - 1;
-                let (vertex, mut found) = (surface.order[item], in_lanes.touching(boxes[VERTICES].bounds(item)));
-                while found != 0 {
-                    let triangle = first + found.trailing_zeros() as usize;
-                    found &= found - 1;
+            let left = boxes[VERTICES].in_lanes::<L>(some, vertices.end - some, places[1], reach).lanes;
+            for lane in Bits(left.into()) {
+                let item = some + lane;
+                let vertex = surface.order[item];
+                for lane in Bits(in_lanes.touching(boxes[VERTICES].bounds(item)).into()) {
+                    let triangle = first + lane;
                     if !surface.triangles[triangle].contains(&vertex) {
                         near.push([vertex, triangle as u32 | mark]);
                     }
@@ -108,18 +106,15 @@ fn meet<L: Registers>(
             continue;
         }
         for some in edges.clone().step_by(L::LANES) {
-            let mut left = boxes.in_lanes::<L>(some, edges.end - some, places[1], reach).lanes;
-            while left != 0 {
-                let edge = some + left.trailing_zeros() as usize;
-                left &= left - 1;
+            for lane in Bits(boxes.in_lanes::<L>(some, edges.end - some, places[1], reach).lanes.into()) {
+                let edge = some + lane;
                 let ([i, j], mut found) = (surface.edges[edge], in_lanes.touching(boxes.bounds(edge)));
                 if is_one {
                     // Within the same edges each pair is visited once.
                     found &= u32::MAX.checked_shl((edge + 1).saturating_sub(first) as u32).unwrap_or(0);
                 }
-                while found != 0 {
-                    let other = first + found.trailing_zeros() as usize;
-                    found &= found - 1;
+                for lane in Bits(found.into()) {
+                    let other = first + lane;
                     let [k, l] = surface.edges[other];
                     if i != k && i != l && j != k && j != l {
                         near.push([edge as u32, other as u32 | mark]);

@@ -26,8 +26,8 @@ use super::detection::rows::{FoundPairs, Rows};
 use super::detection::tree::{DetectionScope, Tree, Walk};
 use super::input::Path;
 use super::ranges::Ranges;
+use super::surface::Surface;
 use super::surface::pairs::{Kind, Listed};
-use super::surface::{Leaves, Surface};
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::simd::{self, Width};
@@ -123,7 +123,9 @@ impl Detection {
         for (tree, vertices) in [(&mut *cloth, of_cloth), (&mut *bodies, of_bodies)] {
             tree.mark(vertices, surface);
             for leaf in tree.moved() {
-                self.bound_leaf(surface, &tree.leaves, leaf);
+                let (leaves, path) = (&tree.leaves, Path { workers: Workers::ALONE, ..path });
+                let around = [leaves.triangles_of(leaf), leaves.edges_of(leaf), leaves.vertices_of(leaf)];
+                self.bound(&DetectionInput { path, ..input }, around);
             }
             tree.refit_around(vertices, surface, &self.boxes[TRIANGLES], path, scope.substeps);
         }
@@ -215,15 +217,6 @@ impl Detection {
         of_triangles.bound(triangles, path.workers, |item| around(middle, &surface.triangles[item]));
         of_edges.bound(edges, path.workers, |item| around(middle, &surface.edges[item]));
         of_vertices.bound(vertices, path.workers, |item| around(middle, &surface.order[item..=item]));
-    }
-
-    /// The same for those of a leaf.
-    fn bound_leaf(&mut self, surface: &Surface, leaves: &Leaves, leaf: usize) {
-        let middle = &self.middle;
-        let [of_triangles, of_edges, of_vertices] = &mut self.boxes;
-        leaves.triangles_of(leaf).for_each(|item| of_triangles.set(item, around(middle, &surface.triangles[item])));
-        leaves.edges_of(leaf).for_each(|item| of_edges.set(item, around(middle, &surface.edges[item])));
-        leaves.vertices_of(leaf).for_each(|item| of_vertices.set(item, around(middle, &surface.order[item..=item])));
     }
 }
 

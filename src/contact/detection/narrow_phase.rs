@@ -7,7 +7,7 @@ use super::tree::DetectionScope;
 use crate::contact::surface::lanes::{corners_of, store, whole_corners_of};
 use crate::contact::surface::pairs::{Kind, Listed, between, closest, corners, square};
 use crate::contact::surface::{LEAST_HELD, Surface};
-use crate::simd::{Loop, MAX_LANES, Registers};
+use crate::simd::{Bits, Loop, MAX_LANES, Registers};
 
 /// Lists the candidates that are close enough.
 pub(crate) struct Measure<'a> {
@@ -45,7 +45,7 @@ impl Loop for Measure<'_> {
             };
             // The part of the distance that is left for the pair's thickness.
             let left = distance - margin - relative.sqrt() * half;
-            let mut close = L::bits(left.lt(L::splat(thickness))) & ((1 << group.len()) - 1);
+            let close = L::bits(left.lt(L::splat(thickness))) & ((1 << group.len()) - 1);
             if close == 0 {
                 continue;
             }
@@ -56,9 +56,7 @@ impl Loop for Measure<'_> {
                 let apart = between(closest(kind, x), x);
                 store(&mut at_rest, apart.dot(apart).sqrt());
             }
-            while close != 0 {
-                let lane = close.trailing_zeros() as usize;
-                close &= close - 1;
+            for lane in Bits(close.into()) {
                 let ([first, second], corners) = (group[lane], places[lane]);
                 let together = second & BESIDE != 0 && surface.piece[corners[0] as usize] == surface.piece[corners[3] as usize];
                 let thickness =

@@ -168,13 +168,12 @@ impl GpuEngine {
         let mut commit = Submission::new(gpu);
         self.encode_commit(&mut commit, swept);
         self.dispatches += commit.dispatches();
-        let due = self.report.is_due();
-        let commit = commit.finish_with(|encoder| self.report.copy(encoder, &self.commit.found, due));
+        let commit = commit.finish_with(|encoder| self.report.copy_if_due(encoder, &self.commit.found));
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         let judgment = contact.judge(gpu)?;
         if matches!(judgment, Judgment::Good) {
             gpu.queue().submit([commit]);
-            self.report.ask(due);
+            self.report.ask_if_copied();
         }
         Ok(judgment)
     }

@@ -61,7 +61,7 @@ impl GpuEngine {
         [x, p]: [&[Vec4]; 2],
         past: &Past,
     ) -> Result<bool, Failure> {
-        self.is_whole()?;
+        self.check_whole()?;
         if past.pending.len() > Counter::LATE {
             return Ok(false);
         }

@@ -6,6 +6,7 @@
 use glam::Vec3A;
 
 use crate::contact::surface::pairs::{Kind, Listed};
+use crate::simd::Bits;
 
 /// Vertices of a patch, which are consecutive, and pairs of a bunch.
 pub(crate) const PATCH: usize = 16;
@@ -100,11 +101,7 @@ impl Bunches {
             let patches = &mut self.patches;
             self.ends.push(self.marks.each_mut().map(|marks| {
                 for (first, marks) in (0..).step_by(64).zip(marks) {
-                    let mut left = std::mem::take(marks);
-                    while left != 0 {
-                        patches.push(first + left.trailing_zeros());
-                        left &= left - 1;
-                    }
+                    patches.extend(Bits(std::mem::take(marks)).map(|place| first + place as u32));
                 }
                 patches.len() as u32
             }));

@@ -11,7 +11,7 @@ use glam::Vec4;
 use crate::contact::surface::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
 use crate::contact::surface::pairs::{Kind, between, closest};
 use crate::kernels::pair::{clearance, is_tilted, perpendicular};
-use crate::simd::{Loop, MAX_LANES, Registers, Vector};
+use crate::simd::{Bits, Loop, MAX_LANES, Registers, Vector};
 use approach::BUNCH;
 use group::{Block, Group, Weights};
 use portions::Portion;
@@ -147,13 +147,11 @@ impl Loop for Find<'_> {
             let thickness = L::from_slice(thickness);
             let is_pair = number::<L>(&LANE, 0).lt(L::splat(places.len() as f32));
             let proximity = proximity_of(kind, x, corners, thickness, most_push, is_pair);
-            let mut far = L::bits(L::and(is_pair, thickness.lt(proximity.left)));
+            let far = L::bits(L::and(is_pair, thickness.lt(proximity.left)));
             if far != 0 {
                 let mut at = [0.0; MAX_LANES];
                 store(&mut at, proximity.distance - thickness);
-                while far != 0 {
-                    let lane = far.trailing_zeros() as usize;
-                    far &= far - 1;
+                for lane in Bits(far.into()) {
                     let place = usize::from(places[lane]);
                     safe_until[place] = bunches.approach[place / BUNCH].total + at[lane];
                 }
@@ -162,7 +160,7 @@ impl Loop for Find<'_> {
             if near == 0 {
                 continue;
             }
-            let mut acts = L::bits(proximity.acting(kind, u, corners, thickness, around).0);
+            let acts = L::bits(proximity.acting(kind, u, corners, thickness, around).0);
             if near != acts {
                 if first == MAX_LANES {
                     blocks.push(Block::default());
@@ -175,9 +173,8 @@ impl Loop for Find<'_> {
                 block.near &= !(acts << first);
                 first += L::LANES;
             }
-            while acts != 0 {
-                joining.push(places[acts.trailing_zeros() as usize]);
-                acts &= acts - 1;
+            for lane in Bits(acts.into()) {
+                joining.push(places[lane]);
             }
         }
     }

@@ -13,7 +13,7 @@ use crate::contact::input::Vertex;
 use crate::contact::surface::Surface;
 use crate::contact::surface::lanes::{number, store};
 use crate::kernels::integrate::xyz;
-use crate::simd::{MAX_LANES, Registers};
+use crate::simd::{Bits, MAX_LANES, Registers};
 
 /// A vertex counts as above a side or a corner, too, if it is beyond by an angle of at most this (rad): rounding must not leave it
 /// beside all triangles.
@@ -34,14 +34,12 @@ impl Around<'_> {
     /// For each pair of a vertex and a triangle in some lanes, given as bits, with its corners and their weights: 1 if another
     /// triangle is closer, otherwise 0.
     #[inline(always)]
-    pub(crate) fn beside<L: Registers>(self, mut lanes: u32, corners: &[[u32; 4]], weights: [L; 4]) -> L {
+    pub(crate) fn beside<L: Registers>(self, lanes: u32, corners: &[[u32; 4]], weights: [L; 4]) -> L {
         let (mut of, mut beside) = ([[0.0; MAX_LANES]; 4], [0.0; MAX_LANES]);
         for k in 1..4 {
             store(&mut of[k], weights[k]);
         }
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize;
-            lanes &= lanes - 1;
+        for lane in Bits(lanes.into()) {
             let [vertex, corners @ ..] = corners[lane].map(|place| self.vertices[place as usize].index);
             let [_, weights @ ..] = [0, 1, 2, 3].map(|k: usize| of[k][lane]);
             beside[lane] = if self.is_closest(vertex, corners, weights) { 0.0 } else { 1.0 };

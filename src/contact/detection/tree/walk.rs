@@ -26,41 +26,43 @@ impl Tree {
     /// Finds the pairs of leaves (numbered from 0, the lower first) whose triangles may meet. Their order does not
     /// depend on the number of threads.
     pub(crate) fn walk(&mut self, walk: Walk<'_>, leaves: &mut Vec<[u32; 2]>) {
-        let is_shared = walk.workers.count() > 1;
-        let top = if is_shared { SHARED_LEVELS.min(self.leaves.depth) } else { self.leaves.depth };
-        let mut frontier = std::mem::take(&mut self.frontier);
-        frontier.clear();
-        self.descend(([1, 1], walk.all), top, walk.scope, &mut frontier);
-        let first = 1 << self.leaves.depth;
-        if top < self.leaves.depth {
-            let mut found = std::mem::take(&mut self.found);
-            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend(pair, self.leaves.depth, walk.scope, found);
-            finish(walk.workers, &frontier, &mut found, below, |[a, b]| [a - first, b - first], leaves);
-            self.found = found;
-        } else {
-            leaves.extend(frontier.iter().map(|([a, b], _)| [a - first, b - first]));
-        }
-        self.frontier = frontier;
+        let firsts = [1 << self.leaves.depth; 2];
+        self.traverse(walk, firsts, leaves, |tree, pair, levels, found| tree.descend(pair, levels, walk.scope, found));
     }
 
     /// Finds the pairs of a leaf of this tree and a leaf of another (both numbered from 0) whose triangles may meet.
     /// Their order does not depend on the number of threads.
     pub(crate) fn walk_across(&mut self, other: &Tree, walk: Walk<'_>, leaves: &mut Vec<[u32; 2]>) {
-        let is_shared = walk.workers.count() > 1;
-        let levels = if is_shared { SHARED_LEVELS } else { u32::MAX };
-        let mut frontier = std::mem::take(&mut self.frontier);
+        let firsts = [self, other].map(|tree| 1 << tree.leaves.depth);
+        self.traverse(walk, firsts, leaves, |tree, pair, levels, found| {
+            tree.descend_across(other, pair, levels, walk.scope, found);
+        });
+    }
+
+    /// Finds pairs of leaves, of which the first ones are the nodes `firsts`: the top levels on this thread, and the rest in
+    /// parallel. `descend` finds the pairs that are some levels below a pair, or the leaves if these are closer.
+    fn traverse(
+        &mut self,
+        walk: Walk<'_>,
+        [first, other_first]: [u32; 2],
+        leaves: &mut Vec<[u32; 2]>,
+        descend: impl Fn(&Tree, Pair, u32, &mut Vec<Pair>) + Sync,
+    ) {
+        let (mut frontier, mut found) = (std::mem::take(&mut self.frontier), std::mem::take(&mut self.found));
         frontier.clear();
-        self.descend_across(other, ([1, 1], walk.all), levels, walk.scope, &mut frontier);
-        let (first, other_first) = (1 << self.leaves.depth, 1 << other.leaves.depth);
-        if is_shared {
-            let mut found = std::mem::take(&mut self.found);
-            let below = |pair: Pair, found: &mut Vec<Pair>| self.descend_across(other, pair, u32::MAX, walk.scope, found);
-            finish(walk.workers, &frontier, &mut found, below, |[a, b]| [a - first, b - other_first], leaves);
-            self.found = found;
-        } else {
-            leaves.extend(frontier.iter().map(|([a, b], _)| [a - first, b - other_first]));
-        }
-        self.frontier = frontier;
+        let is_shared = walk.workers.count() > 1;
+        descend(self, ([1, 1], walk.all), if is_shared { SHARED_LEVELS } else { u32::MAX }, &mut frontier);
+        let part = walk.workers.small_part(frontier.len());
+        let tasks = if is_shared { frontier.len().div_ceil(part) } else { 0 };
+        found.resize_with(tasks.max(found.len()), Vec::new);
+        walk.workers.each(found[..tasks].iter_mut().zip(frontier.chunks(part)), |(found, pairs)| {
+            found.clear();
+            pairs.iter().for_each(|&pair| descend(self, pair, u32::MAX, found));
+        });
+        let above = if is_shared { &[] } else { frontier.as_slice() };
+        let pairs = found[..tasks].iter().flatten().chain(above);
+        leaves.extend(pairs.map(|([a, b], _)| [a - first, b - other_first]));
+        (self.frontier, self.found) = (frontier, found);
     }
 
     /// Pairs of nodes of two trees that may meet, at most `levels` below the given pair.
@@ -82,8 +84,8 @@ impl Tree {
         }
     }
 
-    /// Pairs of nodes on `level` that may meet, below the given pair.
-    fn descend(&self, (pair, mut all): Pair, level: u32, scope: DetectionScope, found: &mut Vec<Pair>) {
+    /// Pairs of nodes of one level that may meet, at most `levels` below the given pair.
+    fn descend(&self, (pair, mut all): Pair, levels: u32, scope: DetectionScope, found: &mut Vec<Pair>) {
         let [a, b] = pair;
         let marks = || self.marks[a as usize] | self.marks[b as usize];
         let here = a.ilog2();
@@ -94,12 +96,12 @@ impl Tree {
         if here == self.leaves.depth && !all && marks() & MOVED == 0 {
             return;
         }
-        if here == level {
+        if levels == 0 || here == self.leaves.depth {
             return found.push((pair, all));
         }
         let [a0, a1, b0, b1] = [2 * a, 2 * a + 1, 2 * b, 2 * b + 1];
         let pairs: &[[u32; 2]] = if a == b { &[[a0, a0], [a1, a1], [a0, a1]] } else { &[[a0, b0], [a0, b1], [a1, b0], [a1, b1]] };
-        pairs.iter().for_each(|&pair| self.descend((pair, all), level, scope, found));
+        pairs.iter().for_each(|&pair| self.descend((pair, all), levels - 1, scope, found));
     }
 
     /// Whether two nodes, or a node and itself, certainly do not meet. Besides distance, it uses that connected cloth
@@ -123,23 +125,4 @@ impl Tree {
         let is_beside = || self.beside[level as usize].of(a - (1 << level)).binary_search(&(b - (1 << level))).is_ok();
         excess < MAX_EXCESS && (a == b || is_beside())
     }
-}
-
-/// Continues a walk below a frontier, in parallel; `name` gives the pairs of leaves their numbers.
-fn finish(
-    workers: Workers<'_>,
-    frontier: &[Pair],
-    found: &mut Vec<Vec<Pair>>,
-    below: impl Fn(Pair, &mut Vec<Pair>) + Sync,
-    name: impl Fn([u32; 2]) -> [u32; 2],
-    leaves: &mut Vec<[u32; 2]>,
-) {
-    let part = workers.small_part(frontier.len());
-    let tasks = frontier.len().div_ceil(part);
-    found.resize_with(tasks.max(found.len()), Vec::new);
-    workers.each(found[..tasks].iter_mut().zip(frontier.chunks(part)), |(found, pairs)| {
-        found.clear();
-        pairs.iter().for_each(|&pair| below(pair, found));
-    });
-    leaves.extend(found[..tasks].iter().flatten().map(|(pair, _)| name(*pair)));
 }
