@@ -36,7 +36,6 @@ pub use deformer::{Deformer, Forecast, Measure, Snapshot, Untangled};
 pub use device::Gpu;
 pub use error::{BuildError, ChangeError, Instability, StateError, StepError, WarpError};
 pub use glam;
-#[cfg(all(feature = "gpu", feature = "bench"))]
 #[cfg(feature = "gpu")]
 pub use gpu::{BoundMesh, Surface};
 pub use io::cache_form::{CacheForm, UpAxis};

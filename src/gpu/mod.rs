@@ -53,5 +53,4 @@ pub(crate) use bound_mesh::BoundVertex;
 pub(crate) use engine::GpuEngine;
 pub(crate) use forces::Forces;
 pub(crate) use stage::{Bind, ComputePass, Stage};
-#[cfg(feature = "bench")]
 pub use surface::Surface;
