@@ -65,7 +65,7 @@ struct StepDecision {
     rate: f64,
     division: Division,
     /// Number of coarse levels to ask for.
-    levels: usize,
+    levels: u32,
     /// What moves fastest in the step, and the bounds that its result is checked with.
     fastest: Fastest,
     bounds: Bounds,
@@ -263,11 +263,13 @@ impl Deformer {
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.pace.is_known();
         let controller = if is_guess { controller } else { controller.after(rate) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.longest()])?;
-        let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.lasting_pressure);
+        let before = self.controller.levels();
+        let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.lasting_pressure, before);
+        let controller = controller.with_levels(levels);
         let levels = if trades { 0 } else { levels.min(self.most_levels()) };
         let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
-        Ok(StepDecision { dt, load, controller, rate, division, levels, fastest, bounds })
+        Ok(StepDecision { dt, load, controller, rate, division, levels: levels as u32, fastest, bounds })
     }
 
     /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.
@@ -294,7 +296,7 @@ impl Deformer {
         }
         let decision = self.decide(dt, attributes)?;
         self.make_imperfect(attributes.gravity);
-        let (length, levels) = (decision.division.length, decision.levels);
+        let (length, levels) = (decision.division.length, decision.levels as usize);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
             self.coefficients = Some(Coefficients::new(&self.cloth, self.hierarchy.finest(levels), &self.options, length));

@@ -26,6 +26,32 @@ on_every_backend!(
     what_flies_steadily_does_not_sleep,
 );
 
+/// Sheets that hang by two corners and the middle of a side, which come closer in the first second: after eight more they
+/// rest, and the number of substeps that keeps the bound does not change. The controller of before went up and down by four
+/// numbers for ever, and kicked the cloth each time (speeds of 1 to 3 m/s).
+#[test]
+fn cloth_at_rest_keeps_its_substeps() {
+    for (n, fabric) in [(24, Fabric::DENIM), (32, Fabric::COTTON), (40, Fabric::SILK)] {
+        let mut mesh = Mesh::grid(n, n, 1.0, 1.0);
+        mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(0.999 * x.x, x.z, 0.05 * x.x));
+        let pinned = vec![0, n - 1, n * (n / 2)];
+        let start: Vec<Vec3> = pinned.iter().map(|&pin| mesh.positions[pin as usize]).collect();
+        let mut cloth = Deformer::new(&mesh, Options { fabric, pinned, ..Options::default() }).unwrap();
+        let mut step = |frame: u32| {
+            let gathered = Vec3::new(1.0 - 0.2 * (frame as f32 / 60.0).min(1.0), 1.0, 1.0);
+            let pin_targets = Some(start.iter().map(|pin| *pin * gathered).collect());
+            let report = cloth.step(FRAME, &Attributes { damping: 1.0, pin_targets, ..Attributes::default() }).unwrap();
+            (report.substeps, report.levels)
+        };
+        (1..=540).for_each(|frame| _ = step(frame));
+        let chosen: Vec<_> = (541..=660).map(step).collect();
+        let speed = cloth.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);
+        println!("{n}: {:?} substeps and levels, {speed:.3} m/s", chosen[0]);
+        assert!(chosen.iter().all(|one| *one == chosen[0]), "{n}: {chosen:?}");
+        assert!(speed < 0.1, "{n}: {speed} m/s");
+    }
+}
+
 /// The attributes of a scene as a function of the frame.
 type Script = Box<dyn Fn(u32) -> Attributes + Sync>;
 

@@ -55,7 +55,7 @@ impl Deformer {
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
         let warnings = self.warnings(&decision, limited);
         let (resolving, strain) = (resolving as f32, strain as f32);
-        Ok(Forecast { substeps, levels: levels as u32, resolving, explicit, strain, warnings })
+        Ok(Forecast { substeps, levels, resolving, explicit, strain, warnings })
     }
 
     /// Substeps per 1/60 s, at least 20, that resolve the stiffness as far as a resolution is visible: see

@@ -11,6 +11,8 @@ use crate::step::substep_count::{FRAMES, Rates};
 pub(crate) const LEAST: f64 = 5.0;
 /// The number of substeps is lowered at most to this share at a time.
 const FALL: f64 = 0.8;
+/// The load is steady if its stress changes by less than this share in a step.
+const STEADY: f64 = 0.02;
 /// A strain this small counts as zero; also the lower bound of the factor.
 const NOTHING: f64 = 1e-9;
 
@@ -21,6 +23,8 @@ pub(crate) struct Caution {
     first_factor: f64,
     /// The controller aims at this share of the bound on stretch.
     aim: f64,
+    /// While the load is steady, the number of substeps rises only where the stretch would exceed this share of the bound.
+    most: f64,
     /// Time constant (s) with which a factor that turned out too large decays.
     memory: f64,
     /// Time (s) for which fewer substeps must have sufficed before their number is lowered.
@@ -33,19 +37,22 @@ impl Caution {
     /// For steps that are measured immediately. Their controller can react at once, so it need not remember for long:
     /// compared with [`Caution::LATE`], fifteen scenes take 9 % fewer substeps, and two thirds as many of their frames
     /// exceed the bound (`benches/results/quality.md`).
-    pub(crate) const PROMPT: Caution = Caution { first_factor: 0.3, aim: 0.6, memory: 0.35, patience: 0.05, per_octave: 6.0 };
+    pub(crate) const PROMPT: Caution =
+        Caution { first_factor: 0.3, aim: 0.6, most: 0.75, memory: 0.35, patience: 0.05, per_octave: 6.0 };
     /// For steps that are measured three steps later, with coarse levels, whose strain grows less where the prediction was
     /// wrong.
-    pub(crate) const LATE: Caution = Caution { first_factor: 0.3, aim: 0.7, memory: 0.5, patience: 0.1, per_octave: 4.0 };
+    pub(crate) const LATE: Caution =
+        Caution { first_factor: 0.3, aim: 0.7, most: 0.85, memory: 0.5, patience: 0.1, per_octave: 4.0 };
     /// The same without levels. In the nine scenes of `cargo bench --bench quality`, 44 to 48 of 1440 frames then exceed the
     /// bound with [`Caution::LATE`], 13 with an aim of 0.6, and 8 with this one.
-    pub(crate) const LATE_WITHOUT_LEVELS: Caution = Caution { first_factor: 1.2, aim: 0.55, ..Caution::LATE };
+    pub(crate) const LATE_WITHOUT_LEVELS: Caution = Caution { first_factor: 1.2, aim: 0.55, most: 0.75, ..Caution::LATE };
 
     /// For closed shells. Where the cloth cannot fold, each rise of the substeps stiffens edges under load and so adds
     /// energy. So their number starts higher, aims closer to the bound, and falls late, to rise less often: dropped on a
     /// floor, eleven balls and parts of balls then give damping air at most 1.5 times the energy that gravity gives them,
     /// and with [`Caution::PROMPT`] up to six times, for as many substeps (`benches/results/quality.md`).
-    pub(crate) const SHELL: Caution = Caution { first_factor: 2.0, aim: 0.7, memory: 2.0, patience: 0.5, per_octave: 6.0 };
+    pub(crate) const SHELL: Caution =
+        Caution { first_factor: 2.0, aim: 0.7, most: 0.85, memory: 2.0, patience: 0.5, per_octave: 6.0 };
 
     /// The stretch beyond the fabric's own that the controller aims at.
     pub(crate) fn aim(self, strain_bound: StrainBound) -> f64 {
@@ -91,7 +98,7 @@ pub(crate) struct Controller {
     /// Substeps in 1/60 s of the last step; 0 before the first.
     count: f64,
     /// For how long (s) fewer substeps would have sufficed.
-    low: f64,
+    low: f32,
     /// The longest substep (s) that was allowed in any step since the cloth was placed, or its quality or bending
     /// changed; 0 before the first.
     longest: f64,
@@ -99,21 +106,29 @@ pub(crate) struct Controller {
     /// too narrow for what it is pulled over. 0 if it is not known.
     own: f64,
     /// Time (s) since then.
-    known_for: f64,
+    known_for: f32,
+    /// The load's stress (N/m) in the last step.
+    stress: f64,
+    /// The number of levels that [`Rates::levels`] chose for the last step; [`u32::MAX`] before the first.
+    levels: u32,
 }
 
-recorded!(Controller { factor, count, low, longest, own, known_for });
+recorded!(Controller { factor, count, low, longest, own, known_for, stress, levels });
 
 impl Default for Controller {
     fn default() -> Controller {
         let factor = Caution::PROMPT.first_factor;
-        Controller { factor, count: 0.0, low: 0.0, longest: 0.0, own: 0.0, known_for: 0.0 }
+        Controller { factor, count: 0.0, low: 0.0, longest: 0.0, own: 0.0, known_for: 0.0, stress: 0.0, levels: u32::MAX }
     }
 }
 
 impl Controller {
     /// The state for the next step of `dt` (s). The number of substeps rises at once, but falls only after fewer would
     /// have sufficed for some time, and by a bounded share.
+    ///
+    /// Each rise shortens all edges that are stretched, which kicks the cloth. So under a steady load the number stays while
+    /// the stretch is between the aim and [`Caution::most`]: otherwise it falls and rises for ever where cloth hangs at rest,
+    /// which then never does rest (`cloth_at_rest_keeps_its_substeps`).
     pub(crate) fn next(
         &self,
         rates: &Rates,
@@ -123,14 +138,16 @@ impl Controller {
         dt: f32,
     ) -> Controller {
         let factor = if self.count == 0.0 { caution.first_factor } else { self.factor };
-        let asked = Controller { factor, ..*self }.asked(rates, cloth, (strain_bound, caution), load);
-        let low = self.low + f64::from(dt);
-        let (count, low) = match low > caution.patience {
+        let asked_at = |aim| Controller { factor, ..*self }.asked(rates, cloth, (strain_bound, Caution { aim, ..caution }), load);
+        let (asked, low, stress) = (asked_at(caution.aim), self.low + dt, load.stress(cloth));
+        let is_steady = load.is_calm(cloth) && (stress - self.stress).abs() < STEADY * self.stress;
+        let (count, low) = match f64::from(low) > caution.patience {
+            _ if asked >= self.count && is_steady && asked_at(caution.most) <= self.count => (self.count, 0.0),
             _ if asked >= self.count => (asked, 0.0),
             true => (asked.max(caution.rounded_up(FALL * self.count)).min(self.count), 0.0),
             false => (self.count, low),
         };
-        Controller { factor, count, low, ..*self }
+        Controller { factor, count, low, stress, ..*self }
     }
 
     /// Substeps in 1/60 s of the step that this state is for.
@@ -146,6 +163,16 @@ impl Controller {
     /// The state after a step with this number of substeps per second.
     pub(crate) fn after(&self, rate: f64) -> Controller {
         Controller { longest: self.longest.max(1.0 / rate), ..*self }
+    }
+
+    /// The number of levels of the last step, if there was one.
+    pub(crate) fn levels(&self) -> Option<usize> {
+        (self.levels != u32::MAX).then_some(self.levels as usize)
+    }
+
+    /// The state with a number of levels.
+    pub(crate) fn with_levels(&self, levels: usize) -> Controller {
+        Controller { levels: levels as u32, ..*self }
     }
 
     /// The state without the longest substep.
@@ -186,7 +213,7 @@ impl Controller {
     /// after [`RENEWED`], and where less than it is measured by half of that aim: what was held may be slack by now, and what is
     /// measured the shortage of substeps.
     pub(crate) fn own_of(&mut self, measured: f64, with_most: bool, aim: f64, dt: f32) -> f64 {
-        self.known_for += f64::from(dt);
+        self.known_for += dt;
         if with_most {
             (self.own, self.known_for) = (if measured > aim { measured } else { 0.0 }, 0.0);
         } else if self.known_for > RENEWED || measured < self.own - 0.5 * aim {
@@ -226,7 +253,7 @@ pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
 /// Cloth that is pulled over something keeps a tension of at least this many times the stress of its load.
 const GRIP: f64 = 5.0;
 /// Time (s) after which stretch that is known to be the fabric's own is measured anew.
-const RENEWED: f64 = 10.0;
+const RENEWED: f32 = 10.0;
 
 /// The measured stretch of a share of the area beyond the fabric's own. Wind stretches cloth that gives way to it little, and cloth
 /// that is held all around much: there, substeps that have `resolved` this share of the stiffness leave as large a share of

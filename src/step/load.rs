@@ -110,6 +110,11 @@ impl Load {
         cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)
     }
 
+    /// Whether what moves adds less than a third to the stress of gravity.
+    pub(crate) fn is_calm(&self, cloth: &Cloth) -> bool {
+        self.stress_without_wind(cloth) < 1.3 * cloth.density * self.gravity * cloth.extent
+    }
+
     /// The term that contributes most to the stress.
     pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
         let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);

@@ -16,6 +16,8 @@ pub(crate) const FRAMES: f64 = 60.0;
 pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
 /// Ratio of the substeps that resolve the stiffness to those taken, from which levels pay.
 const PAYS_FROM: f64 = 1.15;
+/// The number of levels changes where substeps are so many times as long, or as short, as those for which it is chosen.
+const KEPT: f64 = 1.25;
 /// Ratio of wind pressure to the cloth's weight above which levels are off, because they would turn small wrinkles into
 /// stretch: see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
@@ -122,7 +124,10 @@ impl Rates {
     /// without). From 7/8 of `S*` on levels do not pay. Before, they pay in small cloths, too, where they take a fifth
     /// of a substep's time: a sheet of 31 x 31 that has swung down for half a second is 9.7 mm off with levels at 10
     /// substeps and 56 mm without, 1.3 and 3.2 mm at 40.
-    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, length: Length, pressure: f64) -> usize {
+    ///
+    /// Cloth at rest hangs a little differently with another number of levels, and a change kicks it. So the number of levels
+    /// `before` is kept within [`KEPT`], unless there were none.
+    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, length: Length, pressure: f64, before: Option<usize>) -> usize {
         if options.method != Method::SmallSteps {
             return 0;
         }
@@ -134,7 +139,9 @@ impl Rates {
                 if shortfall < PAYS_FROM || is_gale(cloth, pressure) {
                     return 0;
                 }
-                (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
+                let carrying = |shortfall: f64| (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2;
+                let range = [shortfall / KEPT, shortfall * KEPT].map(carrying);
+                before.filter(|&before| before > 0).unwrap_or(carrying(shortfall)).clamp(range[0], range[1])
             }
         }
     }
