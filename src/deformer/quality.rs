@@ -30,8 +30,7 @@ const COARSE_ENOUGH: usize = 4096;
 impl Deformer {
     /// Changes the quality from the next step on. What was learned from the motion so far is kept. Bending that was softened
     /// ([`Warning::BendingLimited`]) is as stiff as the new quality allows, which adds energy to cloth that is bent. Stretch that
-    /// few substeps leave is undone by more, at once: a sheet that rests on a ball with 8 substeps jumps by 15 cm with 80. Where
-    /// that would show, raise the number by a tenth in each frame.
+    /// few substeps leave is undone by more, at once: a sheet that rests on a ball with 8 substeps jumps by 15 cm with 80.
     ///
     /// # Errors
     /// If a number in it is out of its range, or it is [`Quality::Budget`] on a GPU; the quality is then unchanged.
