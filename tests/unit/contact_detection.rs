@@ -47,7 +47,7 @@ impl Folded {
         // It is compressed, so that neighbors in flat cloth are in reach of each other too, which only normals rule out.
         let u: Vec<Vec4> = x.iter().map(|x| Vec4::new(0.0, -1e-4, -0.016 * x.z, 0.0)).collect();
         let mut paths = Paths { margin: surface.max_margin.clone(), ahead: 12.0, ..Paths::default() };
-        paths.begin(&x, &u);
+        paths.begin(&x, &u, std::iter::empty());
         let (detection, lists) = Default::default();
         let mut folded = Folded { surface, trees, paths, detection, lists };
         folded.detect(None);

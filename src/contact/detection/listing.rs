@@ -5,6 +5,7 @@ use glam::{Vec3A, Vec4};
 
 use super::DetectionInput;
 use super::paths::Paths;
+use super::rows::Rows;
 use super::tree::DetectionScope;
 use crate::contact::TriangleContact;
 use crate::contact::crossings::ignored::IgnoredPairs;
@@ -72,13 +73,13 @@ impl TriangleContact {
         if bodies.are_still {
             paths.margin[bodies.first..].fill(0.0);
         }
-        paths.begin(path.x, path.u);
+        self.contacts.store_multipliers(lists, path.workers);
+        paths.begin(path.x, path.u, lists.iter().flat_map(Rows::pressed));
         if std::mem::take(&mut self.may_cross) {
             self.ignored.find(surface, path.x);
         } else {
             self.ignored.follow(surface, path.x, &[]);
         }
-        self.contacts.store_multipliers(lists, path.workers);
         let input = detection_input(surface, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
         let ignored = &self.ignored;

@@ -26,6 +26,8 @@ const NEARLY: f32 = 0.75;
 const FEW: f32 = 0.01;
 /// Factor by which such a vertex may stray farther.
 const LONGER: f32 = 1.5;
+/// Share of its margin by which the path of a vertex may lead away from where it is about to move.
+const ASIDE: f32 = 0.9;
 /// Number of vertices from which the common deviation is estimated.
 pub(crate) const SAMPLES: usize = 32;
 
@@ -175,12 +177,20 @@ impl Paths {
         self.ahead = ahead_after(self.since, self.ahead, is_long);
     }
 
-    /// Starts new paths.
-    pub(crate) fn begin(&mut self, x: &[Vec4], u: &[Vec4]) {
-        self.from.clear();
-        self.from.extend_from_slice(x);
+    /// Starts new paths. Vertices that are pressed against something are about to move into it in every substep, and do not.
+    /// Therefore their paths lead on as they have moved on average since the last detection, as far as margins allow.
+    pub(crate) fn begin(&mut self, x: &[Vec4], u: &[Vec4], pressed: impl Iterator<Item = u32>) {
         self.by.clear();
         self.by.extend(u.iter().zip(&self.margin).map(|(u, &margin)| u.with_w(inverse(margin))));
+        if let Some(since) = self.since.filter(|&since| since > 0.0 && self.from.len() == x.len()) {
+            for vertex in pressed.map(|vertex| vertex as usize).filter(|&vertex| x[vertex].w > 0.0) {
+                let (u, mean) = (xyz(u[vertex]), (xyz(x[vertex]) - xyz(self.from[vertex])) / since);
+                let by = u + (mean - u).clamp_length_max(ASIDE * self.margin[vertex]);
+                self.by[vertex] = by.extend(self.by[vertex].w);
+            }
+        }
+        self.from.clear();
+        self.from.extend_from_slice(x);
         (self.since, self.renewed) = (Some(0.0), 0);
     }
 }

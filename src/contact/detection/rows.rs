@@ -46,6 +46,12 @@ impl Rows {
         self.lambda.clone_from(&other.lambda);
     }
 
+    /// The corners of pairs that press, each as often as it occurs.
+    pub(crate) fn pressed(&self) -> impl Iterator<Item = u32> {
+        let presses = self.pairs.iter().zip(&self.lambda).filter(|(_, lambda)| lambda.w != 0.0);
+        presses.flat_map(|(pair, _)| pair.corners)
+    }
+
     /// Removes all pairs.
     pub(crate) fn clear(&mut self) {
         self.starts.clear();
