@@ -63,7 +63,7 @@ use crossings::ignored::IgnoredPairs;
 use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::max_listed;
-use detection::paths::Paths;
+use detection::paths::{DRIFT, Paths};
 use detection::rows::Rows;
 use detection::tree::Tree;
 use input::{ContactInput, Path, SubstepContext};
@@ -283,6 +283,7 @@ impl TriangleContact {
         let mut scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
         self.h = plan.params.h;
         let push = self.push.of_vertices();
+        let floats = common_motion.is_none();
         let mut input = ContactInput {
             x,
             u,
@@ -306,7 +307,11 @@ impl TriangleContact {
         };
         self.max_carry = input.max_carry;
         if self.contacts.has_near() {
-            self.contacts.finish(x, u, push, workers);
+            // Pairs that are not listed stay apart only as long as vertices move about as detection assumed.
+            let most = DRIFT * self.surface.thickness;
+            let cloth = ..self.bodies.first;
+            let drifts = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats, most);
+            self.may_cross |= self.contacts.finish([x, u], push, (most, drifts), workers);
             if lost != DVec3::ZERO && returns_momentum(plan) {
                 give_back(plan.cloth, lost, u, workers);
             }
@@ -315,8 +320,18 @@ impl TriangleContact {
         }
     }
 
-    /// Ends a step: puts what belongs to its state in the lists, and counts what is squeezed.
-    pub(crate) fn end(&mut self, workers: Workers<'_>) {
+    /// Ends a step at positions `x` (m), which those of bodies reach by `u` (m): puts what belongs to its state in the lists, counts
+    /// what is squeezed, and searches for what may cross.
+    pub(crate) fn end(&mut self, x: &[Vec4], u: &[Vec4], workers: Workers<'_>) {
+        if self.may_cross && self.too_many == 0 {
+            let first = self.bodies.first;
+            let ends: Vec<Vec4> = x[..first].iter().copied().chain((first..x.len()).map(|i| x[i] + u[i].with_w(0.0))).collect();
+            if ends.iter().all(|x| x.is_finite()) {
+                self.ignored.find(&self.surface, &ends);
+                self.may_cross = false;
+                self.paths.end();
+            }
+        }
         // Without near pairs in the last substep, the contacts are those of another one.
         self.tally.squeezed = if self.tally.near > 0 { self.contacts.squeezed() as u32 } else { 0 };
         self.contacts.store_multipliers(&mut self.lists, workers);

@@ -277,7 +277,7 @@ impl Cpu {
             contact.resolve(plan, substep, self.x.room(), self.p.room(), workers, self.packed.width);
             cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, external, on));
         }
-        contact.end(workers);
+        contact.end(self.x.room(), self.p.room(), workers);
         cause
     }
 

@@ -26,6 +26,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("MIN_AHEAD", Literal::F32(paths::AHEAD[0])),
         ("MAX_AHEAD", Literal::F32(paths::AHEAD[1])),
         ("FARTHER_AHEAD", Literal::F32(paths::FARTHER_AHEAD)),
+        ("DRIFT", Literal::F32(paths::DRIFT)),
         ("CONE_COSINE", Literal::F32(normals::CONE_COSINE)),
         ("MAX_EXCESS", Literal::F32(tree::MAX_EXCESS)),
         ("LEAST_HELD", Literal::F32(LEAST_HELD)),

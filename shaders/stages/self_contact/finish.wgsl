@@ -4,6 +4,10 @@
 // Whether displacements were truncated once more in this substep.
 override AGAIN: bool = false;
 
+// In units of the thickness, by how much contact may move a vertex elsewhere than it was about to move without a search for
+// intersections.
+const DRIFT: f32 = 0.5;
+
 var<workgroup> lost: array<vec3f, WORKGROUP>;
 
 @compute @workgroup_size(WORKGROUP)
@@ -38,6 +42,9 @@ fn finish(
             vertices[i].push = vec4f(push, 0.0);
             vertices[i].way = vec4f(vertices[i].way.xyz * share, vertices[i].way.w);
         }
+        if drifts(i, u) {
+            atomicStore(&contact_state.status.jumped, 1u);
+        }
         x_out[i] = vec4f(vertices[i].x.xyz + push + u, w);
         p_out[i] = vec4f(u, params.h);
     }
@@ -52,6 +59,18 @@ fn finish(
     if lane == 0u && at < contact_params.groups {
         contact_state.parts[at].low = vec4f(lost[0], 0.0);
     }
+}
+
+// Whether a vertex moves elsewhere than it was about to, and farther from its path than it may, so that pairs that are not
+// listed may cross. Paths of free cloth are relative to what it strays together.
+fn drifts(i: u32, u: vec3f) -> bool {
+    let most = DRIFT * contact_params.thickness;
+    if length(u - p_out[i].xyz) <= most {
+        return false;
+    }
+    let track = tracks[i];
+    let strayed = (vertices[i].x.xyz - track.start.xyz) + (u - track.by.xyz * contact_state.status.since);
+    return is_free() || length(strayed) > track.start.w + most;
 }
 
 // Removes from the displacement of a vertex what leads it beyond planes, so that it can be truncated once more.

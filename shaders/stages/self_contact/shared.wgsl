@@ -179,7 +179,8 @@ struct Status {
     needed_carry: atomic<u32>,
     // Number of pairs of this substep that are squeezed.
     squeezed: atomic<u32>,
-    // Whether a vertex was pushed out of colliders by more than the thickness in this step (1 or 0). It may jump over others.
+    // Whether a vertex was pushed out of colliders by more than the thickness in this step, or drifts (1 or 0). It may jump over
+    // others.
     jumped: atomic<u32>,
     // Whether truncation shortens a displacement in this substep, and its second round one that the first one has not (1 or 0).
     shortens: atomic<u32>,

@@ -9,7 +9,7 @@ pub(super) mod response;
 pub(super) mod truncation;
 pub(super) mod vertex_pairs;
 
-use std::sync::atomic::AtomicU32;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use glam::{DVec3, Vec3A, Vec4};
 
@@ -264,30 +264,48 @@ impl Contacts {
     }
 
     /// Writes displacements and positions back to the state. `push` are the corrections of positions by colliders;
-    /// empty if there are none.
-    pub(crate) fn finish(&self, x: &mut [Vec4], u: &mut [Vec4], push: &[Vec4], workers: Workers<'_>) {
+    /// empty if there are none. Returns whether a vertex moves elsewhere than it was about to by more than `most` (m), and
+    /// `drifts`: given are its index, its position at the start and its displacement (m).
+    pub(crate) fn finish(
+        &self,
+        [x, u]: [&mut [Vec4]; 2],
+        push: &[Vec4],
+        (most, drifts): (f32, impl Fn(usize, Vec3A, Vec3A) -> bool + Sync),
+        workers: Workers<'_>,
+    ) -> bool {
         let part = workers.part(x.len(), GRAIN);
+        let found = AtomicBool::new(false);
+        let note = |vertex: &Vertex, before: Vec4, after: Vec4| {
+            if xyz(after - before).length_squared() > most * most && drifts(vertex.index as usize, xyz(vertex.x), xyz(after)) {
+                found.store(true, Ordering::Relaxed);
+            }
+        };
         workers.each(x.chunks_mut(part).zip(u.chunks_mut(part)).enumerate(), |(index, (x, u))| {
             let first = index * part;
             let push = &push[first.min(push.len())..(first + x.len()).min(push.len())];
             let place = |vertex: usize| self.order.partition_point(|&near| (near as usize) < vertex);
             let of_task = place(first)..place(first + x.len());
-            let mut near = self.vertices[of_task.clone()].iter().zip(&self.u[of_task]).peekable();
+            let mut all = self.vertices[of_task.clone()].iter().zip(&self.u[of_task]).peekable();
             if push.is_empty() {
-                for (vertex, by) in near.filter(|(vertex, _)| vertex.x.w > 0.0) {
+                for (vertex, by) in all.filter(|(vertex, _)| vertex.x.w > 0.0) {
                     let index = vertex.index as usize - first;
+                    note(vertex, u[index], *by);
                     u[index] = by.with_w(u[index].w);
                     x[index] += vertex.push.extend(0.0);
                 }
                 return;
             }
             for (index, (x, u)) in (first as u32..).zip(x.iter_mut().zip(u)) {
-                let found = near.next_if(|(vertex, _)| vertex.index == index).filter(|(vertex, _)| vertex.x.w > 0.0);
-                let push = found.map_or(xyz(push[index as usize - first]), |(vertex, _)| vertex.push);
-                found.into_iter().for_each(|(_, by)| *u = by.with_w(u.w));
+                let near = all.next_if(|(vertex, _)| vertex.index == index).filter(|(vertex, _)| vertex.x.w > 0.0);
+                let push = near.map_or(xyz(push[index as usize - first]), |(vertex, _)| vertex.push);
+                near.into_iter().for_each(|(vertex, by)| {
+                    note(vertex, *u, *by);
+                    *u = by.with_w(u.w);
+                });
                 *x += push.extend(0.0);
             }
         });
+        found.into_inner()
     }
 }
 

@@ -28,6 +28,9 @@ const FEW: f32 = 0.01;
 const LONGER: f32 = 1.5;
 /// Share of its margin by which the path of a vertex may lead away from where it is about to move.
 const ASIDE: f32 = 0.9;
+/// In units of the thickness, by how much contact may move a vertex elsewhere than it was about to move, and beyond its margin,
+/// without a search for intersections: two that each do so may get through each other, if they are not listed as a pair.
+pub(crate) const DRIFT: f32 = 0.5;
 /// Number of vertices from which the common deviation is estimated.
 pub(crate) const SAMPLES: usize = 32;
 
@@ -132,6 +135,20 @@ impl Paths {
         }
     }
 
+    /// A test of how far vertices get from their paths in this substep, which is counted already: whether one at `x` with the
+    /// displacement `u` (m) gets farther than it may, by more than `most` (m).
+    pub(crate) fn drift<'a>(
+        &'a self,
+        path: Path<'_>,
+        floats: bool,
+        most: f32,
+    ) -> impl Fn(usize, Vec3A, Vec3A) -> bool + Sync + use<'a> {
+        let over = self.since.unwrap_or_default();
+        let strayed = move |vertex: usize, x: Vec3A, u: Vec3A| x - xyz(self.from[vertex]) + (u - xyz(self.by[vertex]) * over);
+        let common = mean_of(floats.then_some(path.x.len()), |vertex| strayed(vertex, xyz(path.x[vertex]), xyz(path.u[vertex])));
+        move |vertex, x, u| (strayed(vertex, x, u) - common).length() > self.margin[vertex] + most
+    }
+
     /// The vector (m) by which a vertex will have strayed after this substep.
     fn strayed_by(&self, path: Path<'_>, vertex: usize) -> Vec3A {
         let steps = self.since.map_or(0.0, |since| since + 1.0);
@@ -141,16 +158,9 @@ impl Paths {
     /// An estimate of the common deviation (m), from a few vertices, and its growth in this substep; zero unless the cloth
     /// `floats`. Accuracy does not matter: subtracting the same vector from all vertices is always valid.
     fn common(&self, path: Path<'_>, floats: bool) -> [Vec3A; 2] {
-        if !floats {
-            return [Vec3A::ZERO; 2];
-        }
-        let samples = (0..path.x.len()).step_by(path.x.len().div_ceil(SAMPLES));
-        let share = 1.0 / samples.len() as f32;
         let growth = |vertex: usize| xyz(path.u[vertex]) - xyz(self.by[vertex]);
-        [
-            samples.clone().map(|vertex| self.strayed_by(path, vertex)).sum::<Vec3A>() * share,
-            samples.map(growth).sum::<Vec3A>() * share,
-        ]
+        let of = path.x.len();
+        [mean_of(floats.then_some(of), |vertex| self.strayed_by(path, vertex)), mean_of(floats.then_some(of), growth)]
     }
 
     /// Chooses the margin of each vertex from how far it strayed since the last detection, so that the next paths
@@ -193,6 +203,14 @@ impl Paths {
         self.from.extend_from_slice(x);
         (self.since, self.renewed) = (Some(0.0), 0);
     }
+}
+
+/// The mean of a vector of some of the vertices, whose number is given; zero if none is.
+fn mean_of(vertices: Option<usize>, vector: impl Fn(usize) -> Vec3A) -> Vec3A {
+    let Some(count) = vertices else { return Vec3A::ZERO };
+    let samples = (0..count).step_by(count.div_ceil(SAMPLES));
+    let share = 1.0 / samples.len() as f32;
+    samples.map(vector).sum::<Vec3A>() * share
 }
 
 /// The inverse (1/m) of the distance that a vertex may stray. Bodies that stand still may not stray at all, and a snapshot

@@ -79,7 +79,7 @@ impl Stages {
             let by_truncate = [VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE];
             let of_pairs =
                 |round| stage_with(shaders::TRUNCATION, "truncate", &by_truncate, &[("AGAIN", again), ("ROUND", round)]);
-            let by_finish = [VERTICES, SUMS, CONTACT_STATE, X_OUT, P_OUT];
+            let by_finish = [VERTICES, TRACKS, SUMS, CONTACT_STATE, X_OUT, P_OUT];
             let finish = stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", again)]);
             [of_pairs(0.0), of_pairs(1.0), of_pairs(2.0), finish]
         };
