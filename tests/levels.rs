@@ -190,6 +190,23 @@ fn levels_are_off_in_a_gale() {
     }
 }
 
+/// Gusts about the threshold change the number of levels once at most, since each change kicks the cloth.
+#[test]
+fn gusts_do_not_switch_levels() {
+    let (mesh, options) = hang(48, 15, Backend::Cpu);
+    let mut sheet = Deformer::new(&mesh, Options { fabric: Fabric::COTTON, ..options }).unwrap();
+    let levels = (0..150).map(|frame| {
+        let wind = Vec3::Z * (5.0 + 0.8 * (0.25 * frame as f32).sin());
+        sheet.step(FRAME, &Attributes { wind, air_density: 1.225, ..Attributes::default() }).unwrap().levels
+    });
+    let levels: Vec<u32> = levels.collect();
+    let changes = levels.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!(changes <= 1 && levels.contains(&4), "{changes} changes: {levels:?}");
+    let storm = Attributes { wind: 10.0 * Vec3::Z, air_density: 1.225, ..Attributes::default() };
+    sheet.step(FRAME, &storm).unwrap();
+    assert_eq!(sheet.step(FRAME, &storm).unwrap().levels, 0, "a gale");
+}
+
 /// Where the stiffness is resolved, levels that are asked for change next to nothing: they only pull, and no more than
 /// the cloth does.
 #[test]

@@ -114,7 +114,7 @@ fn options_are_checked() {
 
 on_every_backend!(
     steps_are_checked_and_leave_the_state,
-    contact_refuses_leads_across_a_thousand_cloths,
+    contact_refuses_leads_across_a_hundred_cloths,
     contact_refuses_a_cloth_in_one_place,
 );
 
@@ -217,18 +217,18 @@ fn napkin(backend: Backend, pinned: Vec<u32>) -> Deformer {
     Deformer::new(&mesh, Options { backend, contact, pinned, quality: Quality::Substeps(4), ..Options::default() }).unwrap()
 }
 
-fn contact_refuses_leads_across_a_thousand_cloths(backend: Backend) {
+fn contact_refuses_leads_across_a_hundred_cloths(backend: Backend) {
     let mut cloth = napkin(backend, vec![0, 7]);
     let pins = [0, 7].map(|vertex| Mesh::grid(8, 8, 0.8, 0.6).positions[vertex]);
     let led = |far: f32| Attributes { pin_targets: Some(vec![pins[0], pins[1] + Vec3::X * far]), ..Attributes::default() };
     cloth.step(FRAME, &led(0.0)).unwrap();
     let before = cloth.snapshot().unwrap();
-    for far in [1001.0, 1e7, 1e14] {
+    for far in [101.0, 1e7, 1e14] {
         let error = cloth.step(FRAME, &led(far)).unwrap_err();
-        names(&error, &["pin_targets[1]", "m from where", "1000 times", "size of 1 m", "Deformer::warp"]);
+        names(&error, &["pin_targets[1]", "m from where", "100 times", "size of 1 m", "Deformer::warp"]);
         assert_eq!(cloth.snapshot().unwrap(), before);
     }
-    cloth.step(FRAME, &led(999.0)).unwrap();
+    cloth.step(FRAME, &led(99.0)).unwrap();
     // A teleport is no motion.
     cloth.reset();
     let away = 1e4 * Vec3::X;
@@ -244,12 +244,12 @@ fn contact_refuses_leads_across_a_thousand_cloths(backend: Backend) {
     };
     cloth.step(FRAME, &body(0.0, false)).unwrap();
     let before = cloth.snapshot().unwrap();
-    for far in [1001.0, 1e7, 1e14] {
+    for far in [101.0, 1e7, 1e14] {
         let error = cloth.step(FRAME, &body(far, false)).unwrap_err();
-        names(&error, &["colliders[1].mesh", "1000 times the cloth's size of 1 m", "say that it was teleported"]);
+        names(&error, &["colliders[1].mesh", "100 times the cloth's size of 1 m", "say that it was teleported"]);
         assert_eq!(cloth.snapshot().unwrap(), before);
     }
-    cloth.step(FRAME, &body(-999.0, false)).unwrap();
+    cloth.step(FRAME, &body(-99.0, false)).unwrap();
     cloth.step(FRAME, &body(1e6, true)).unwrap();
 }
 

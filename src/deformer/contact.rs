@@ -22,9 +22,9 @@ const SUBSTEPS: f64 = 3.0;
 /// Fewest substeps per 1/60 s of cloth in contact with itself that is to fall asleep: with the 5 to 7 that the strain of a heap
 /// needs, it trembles. Of 32 heaps 7 were awake after 15 s then, and one with these.
 const SETTLING: f64 = 16.0;
-/// Farthest that pins and mesh colliders may move in a step, in units of the cloth's size. Even in the most substeps that
-/// contact raises a step to, they then pass all of the cloth in each, and contact compares everything with everything.
-const FARTHEST: f64 = 1000.0;
+/// Farthest that pins and mesh colliders may move in a step, in units of the cloth's size. Cloth that is torn along farther, as by
+/// a teleport without [`Deformer::warp`], stays stretched over itself for seconds, in each of which contact takes seconds.
+const FARTHEST: f64 = 100.0;
 /// Most substeps per 1/60 s that contact may raise a step to.
 const MOST: f64 = 256.0;
 

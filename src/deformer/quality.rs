@@ -27,6 +27,12 @@ const LEVELS_PAY: usize = 8192;
 /// (`benches/results/quality.md`). Each further level takes 8.5 us of a substep on an H200, whatever its size.
 const COARSE_ENOUGH: usize = 4096;
 
+/// The stretch that cloth with contact may have under its weight, by the strain law with a factor of 1, to keep a
+/// [`Quality::Budget`].
+const TAUT: f64 = 0.05;
+/// A garment may be narrower than what it is on by this share without a [`Warning::StrainMissed`] in every step.
+const NARROW: f64 = 0.1;
+
 impl Deformer {
     /// Changes the quality from the next step on. What was learned from the motion so far is kept. Bending that was softened
     /// ([`Warning::BendingLimited`]) is as stiff as the new quality allows, which adds energy to cloth that is bent. Stretch that
@@ -66,8 +72,10 @@ impl Deformer {
                 let fitting = self.pace.fitting(1e-3 * f64::from(time), self.controller.count() * steps);
                 let most = most(&self.rates, &self.cloth);
                 // With fewer, cloth is stretched so far that contact takes longer, not less.
-                let least = if has_contact { LEAST } else { 1.0 };
-                self.controller.with_count(fitting.map_or(LEAST, |substeps| (substeps / steps).clamp(least, most)))
+                let weight = self.cloth.density * load.gravity * self.cloth.extent;
+                let taut = (self.rates.keeping(weight, TAUT) / FRAMES).clamp(LEAST, most);
+                let least = if has_contact { taut } else { 1.0 };
+                self.controller.with_count(fitting.map_or(least.max(LEAST), |substeps| (substeps / steps).clamp(least, most)))
             }
             _ => self.controller,
         }
@@ -92,7 +100,7 @@ impl Deformer {
             Levels::Off => true,
             Levels::Count(_) => false,
         };
-        may && self.backend() == Backend::Gpu && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure)
+        may && self.backend() == Backend::Gpu && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure, self.controller.levels())
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.
@@ -170,9 +178,12 @@ impl Deformer {
         let with_most = FRAMES * most(&self.rates, &self.cloth) * longest < 1.001;
         let caution = self.caution(self.engine.contact().is_some(), false);
         let known = self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt);
-        let excess = excess(&self.cloth, load, [measured, known], share, resolved);
+        let beyond = |known| excess(&self.cloth, load, [measured, known], share, resolved);
         let law = self.rates.strain(load.stress(&self.cloth), longest);
-        self.controller.learn(law, excess, caution, *dt, holds.is_some());
+        self.controller.learn(law, beyond(known), caution, *dt, holds.is_some());
+        // More substeps do not help, but that is no reason to keep silent: neither while the cloth is jerked, nor where what holds
+        // it stretches it by more than a garment can be too narrow.
+        let excess = beyond(if load.is_calm(&self.cloth) { known.min(NARROW) } else { 0.0 });
         let missed = excess > f64::from(strain_bound.stretch);
         let slivers = self.cloth.slivers.edges as f32 > (1.0 - share) * self.cloth.links.len() as f32;
         let cause = slivers.then_some(Cause::Slivers).or(holds).unwrap_or_else(|| load.cause(&self.cloth));

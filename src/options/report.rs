@@ -97,7 +97,9 @@ pub enum Warning {
         /// Number of substeps that is stable however the cloth moves.
         needed: u32,
     },
-    /// A larger share of the area than promised was stretched by more than promised.
+    /// A larger share of the area than promised was stretched by more than promised. Not reported is what the cloth is known to be
+    /// stretched by whatever the substeps, as where a garment is narrower than what it is on: up to 10 %, and as long as it moves
+    /// calmly.
     StrainMissed {
         /// Stretch that the promised share of the area did not exceed, beyond the fabric's own stretch.
         stretch: f32,

@@ -21,6 +21,8 @@ const KEPT: f64 = 1.25;
 /// Ratio of wind pressure to the cloth's weight above which levels are off, because they would turn small wrinkles into
 /// stretch: see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
+/// The number of levels changes where the pressure is so many times that, or as small a share of it.
+const GUSTY: f64 = 1.5;
 
 /// How a step is divided into substeps.
 #[derive(Debug, Clone, Copy, Default)]
@@ -136,7 +138,7 @@ impl Rates {
             Levels::Count(count) => count as usize,
             Levels::Auto => {
                 let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest);
-                if shortfall < PAYS_FROM || is_gale(cloth, pressure) {
+                if shortfall < PAYS_FROM || is_gale(cloth, pressure, before) {
                     return 0;
                 }
                 let carrying = |shortfall: f64| (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2;
@@ -181,9 +183,11 @@ impl Rates {
     }
 }
 
-/// Whether wind of this dynamic pressure (Pa) is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy).
-pub(crate) fn is_gale(cloth: &Cloth, pressure: f64) -> bool {
-    pressure > GALE * cloth.density * STANDARD_GRAVITY
+/// Whether wind of this dynamic pressure (Pa) is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy). A change
+/// kicks the cloth, so in gusts the step goes on with the levels of `before`, or without.
+pub(crate) fn is_gale(cloth: &Cloth, pressure: f64, before: Option<usize>) -> bool {
+    let kept = before.map_or(1.0, |levels| if levels > 0 { GUSTY } else { 1.0 / GUSTY });
+    pressure > kept * GALE * cloth.density * STANDARD_GRAVITY
 }
 
 /// The compliance that a sweep adds to each edge, as a multiple of `h² w`: where it visits edges once ..
