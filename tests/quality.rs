@@ -335,7 +335,10 @@ fn a_longer_time_takes_more_substeps() {
     let least: Vec<u32> = played(&mesh, &with_contact, &script, 5).iter().map(|(report, ..)| report.substeps).collect();
     let light = Options { fabric: Fabric { density: 1e-3, ..options.fabric }, ..with_contact.clone() };
     assert!((6..30).contains(&least[0]) && least.iter().all(|&count| count == least[0]), "{least:?}");
-    assert!(played(&mesh, &light, &script, 5).iter().all(|(report, ..)| report.substeps == least[0]), "K cancels, and the density");
+    assert!(
+        played(&mesh, &light, &script, 5).iter().all(|(report, ..)| report.substeps == least[0]),
+        "K cancels, and the density"
+    );
     assert!((1.4 * resolving..1.42 * resolving + 1.0).contains(&(counts[1] as f32)), "{counts:?} of {resolving}");
     // Steps of the length of real frames, each of which takes other coefficients, tell what fits, too.
     let mut in_real_time = Deformer::new(&mesh, Options { quality: Quality::Budget(1e4), ..options.clone() }).unwrap();
@@ -622,6 +625,29 @@ fn soft_cloth_that_lone_pins_stretch_is_not_blamed() {
         println!("{} pins, {apart} m apart: {said} frames missed, stretched by {stretch}, resolved by {resolved}", pinned.len());
         assert!((stretch / resolved - 1.0).abs() < 0.3 && resolved > 0.05, "stretched by {stretch}, resolved by {resolved}");
         assert_eq!(said > 0, apart > 0.0, "{said} frames are said to be missed");
+    }
+}
+
+/// A sheet is held between two edges that are led apart: by as much as a garment may be too narrow, which is said while it is measured,
+/// and by more, which is said in every step.
+#[test]
+fn what_stays_held_far_stretched_is_always_said() {
+    let mesh = Mesh::grid(9, 9, 0.5, 0.5);
+    let pinned: Vec<u32> = (0..81).filter(|v| v % 9 == 0 || v % 9 == 8).collect();
+    for (apart, expected) in [(0.06, 0), (0.3, 60)] {
+        let options = Options { backend: Backend::Cpu, pinned: pinned.clone(), ..Options::default() };
+        let mut sheet = Deformer::new(&mesh, options).unwrap();
+        let step = |frame: u32| {
+            let by = 0.5 * apart * frame.min(120) as f32 / 120.0;
+            let led = |&pin: &u32| mesh.positions[pin as usize] + Vec3::X * if pin % 9 == 8 { by } else { 0.0 };
+            let pin_targets = Some(pinned.iter().map(led).collect());
+            let report = sheet.step(FRAME, &Attributes { pin_targets, damping: 4.0, ..Attributes::default() }).unwrap();
+            report.warnings.iter().any(|warning| matches!(warning, Warning::StrainMissed { .. }))
+        };
+        let missed: Vec<bool> = (0..300).map(step).collect();
+        let said = missed[240..].iter().filter(|&&missed| missed).count();
+        assert!(missed[..240].contains(&true), "stretched by {apart}");
+        assert_eq!(said, expected, "stretched by {apart}");
     }
 }
 

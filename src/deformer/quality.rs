@@ -100,7 +100,9 @@ impl Deformer {
             Levels::Off => true,
             Levels::Count(_) => false,
         };
-        may && self.backend() == Backend::Gpu && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure, self.controller.levels())
+        may && self.backend() == Backend::Gpu
+            && self.strain_bound().is_some()
+            && !is_gale(&self.cloth, pressure, self.controller.levels())
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.
