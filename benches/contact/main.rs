@@ -56,7 +56,10 @@ fn cloth(scene: &Scene, Play { backend, by_default }: Play, contact: Option<Cont
     };
     let mut cloth = Deformer::new(&scene.mesh, options).expect("the scene is sound");
     let still = vec![Vec3::ZERO; scene.mesh.positions.len()];
-    scene.start.iter().for_each(|start| cloth.set_state(start, &still).expect("the scene is sound"));
+    for start in &scene.start {
+        cloth.set_state(start, &still).expect("the scene is sound");
+        cloth.place_colliders(&scene.colliders(0, contact.is_some())).expect("they are sound");
+    }
     cloth
 }
 

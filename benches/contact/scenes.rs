@@ -1,5 +1,5 @@
-//! The scenes: sheets that hang, swing, lie on each other, fall in heaps, and are twisted, a garment on a body, and one that a limb
-//! squeezes.
+//! The scenes: sheets that hang, swing, lie on each other, fall in heaps, and are twisted, a garment on a body, one that a limb
+//! squeezes, and one that is too narrow.
 
 use std::f32::consts::PI;
 
@@ -94,6 +94,13 @@ fn squeezed() -> Scene {
     Scene { pinned, colliders: Vec::new(), body: Some(body), limb: Some(limb), ..plain("squeezed", mesh, 20, [30, 60]) }
 }
 
+/// A tube of 1,980 vertices that is worn by a body and 3 % too narrow for it: all of it presses on the body.
+fn worn() -> Scene {
+    let (body, mesh) = (upright(0.3, 0.15, 24), tube(0.97 * 0.155, 0.4, 60, 33));
+    let widened = mesh.positions.iter().map(|x| *x * Vec3::new(1.0 / 0.96, 1.0, 1.0 / 0.96)).collect();
+    Scene { colliders: Vec::new(), start: Some(widened), body: Some(body), ..plain("worn", mesh, 20, [30, 60]) }
+}
+
 pub(crate) fn scenes() -> Vec<Scene> {
     let mut lying = sheets(2, 32, 1.0, 0.006);
     lying.positions.iter_mut().for_each(|x| x.y -= 0.001);
@@ -108,6 +115,7 @@ pub(crate) fn scenes() -> Vec<Scene> {
         plain("heap, 64", on_edge(64), 40, [20, 30]),
         garment(),
         squeezed(),
+        worn(),
     ]
 }
 
