@@ -2,78 +2,40 @@
 
 use std::mem;
 
-use cloth_deformer::{Cause, Collider, Crossing, Mesh, Shape, Warning};
+use cloth_deformer::{Cause, Collider, Mesh, Shape, Warning};
 
 use crate::named;
 
-/// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes. `sixtieths` is the length of
-/// a step in units of 1/60 s, by which `--substeps` counts, and `untangles` says whether the run does that already.
-pub(crate) fn describe(warning: Warning, sixtieths: f32, untangles: bool) -> String {
-    let parted = if untangles { "--untangle tries again; if they stay, give them more room" } else { "--untangle helps them" };
-    match warning {
-        Warning::BendingLimited { vertices } => {
-            format!("bending is softened at {vertices} vertices to stay stable; use more --substeps for its full stiffness")
-        }
-        Warning::ExplicitLimit { substeps, needed } => {
-            let enough = (needed as f32 / sixtieths).ceil();
-            format!("springs are unstable at {substeps} substeps per frame; use --substeps {enough}, or --method small-steps")
-        }
-        Warning::Slivers { edges, worst: [a, b] } => {
-            format!(
-                "{edges} edges are a hundred times shorter than their triangles, the worst between vertices {a} and {b}; merge their ends"
-            )
-        }
-        Warning::Crossings { pairs, first: Crossing { edge: [a, b], triangle: [c, d, e], .. } } => {
-            format!(
-                "{pairs} edges pass through triangles, the first the edge between vertices {a} and {b} through triangle {c}, {d}, {e}; contact ignores them until they have separated; {parted}"
-            )
-        }
-        Warning::StrainMissed { stretch, promised, cause } => {
-            let because = match cause {
-                Cause::Pins => "by accelerated pins",
-                Cause::Collider => "by a fast collider",
-                Cause::Wind => "by the wind",
-                Cause::Slivers => "by edges a hundred times shorter than their triangles",
-                Cause::Crossings => "where it crosses itself or a body",
-                Cause::Squeezed => "where bodies or pins leave it less room than its thickness",
-                _ => "by its weight or motion, or between what holds it",
-            };
-            let remedy = match cause {
-                Cause::Slivers => "merge their ends, or ask for more --substeps",
-                Cause::Crossings if untangles => "give it more room",
-                Cause::Crossings => "give it more room, and use --untangle",
-                Cause::Squeezed => "give it more room, a smaller thickness (--self-contact METRES), or ask for more --substeps",
-                Cause::Wind => "let it blow less hard, or ask for more --substeps",
-                Cause::Pins | Cause::Collider => "move them more slowly, or ask for more --substeps",
-                _ => "ask for more --substeps, or bring what holds it closer together",
-            };
-            let [stretch, promised] = [stretch, promised].map(|share| 100.0 * share);
-            format!("the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {because}; {remedy}")
-        }
-        Warning::PinOutruns { pin, speed, carried } => {
-            format!(
-                "pin {pin} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps; move it more slowly, or ask for more --substeps"
-            )
-        }
-        Warning::ColliderOutruns { collider, speed, carried } => {
-            let number = collider + 1;
-            format!(
-                "collider {number} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps; move it more slowly, or ask for more --substeps"
-            )
-        }
-        Warning::BodyCrossings { pairs, collider } => {
-            let number = collider + 1;
-            format!(
-                "cloth and mesh colliders cross in {pairs} pairs of an edge and a triangle, the first with collider {number}; contact ignores them until they have separated; {parted}"
-            )
-        }
-        Warning::ContactOutruns { speed, resolved } => {
-            format!(
-                "pins or mesh colliders move relative to each other at {speed:.1} m/s, faster than the {resolved:.1} m/s that contact resolves with these substeps; move them more slowly, or ask for more --substeps"
-            )
-        }
-        other => format!("{other:?}"),
+/// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes, with what helps. `sixtieths` is the
+/// length of a step in units of 1/60 s, by which `--substeps` counts, and `untangles` says whether the run does that already.
+pub(crate) fn describe(mut warning: Warning, sixtieths: f32, untangles: bool) -> String {
+    if let Warning::ColliderOutruns { collider, .. } | Warning::BodyCrossings { collider, .. } = &mut warning {
+        *collider += 1;
     }
+    let remedy = match warning {
+        Warning::BendingLimited { .. } => "use more --substeps for its full stiffness",
+        Warning::ExplicitLimit { needed, .. } => {
+            let enough = (needed as f32 / sixtieths).ceil();
+            return format!("{warning}; use --substeps {enough}, or --method small-steps");
+        }
+        Warning::Slivers { .. } => "merge their ends",
+        Warning::Crossings { .. } | Warning::BodyCrossings { .. } if untangles => {
+            "--untangle tries again; if they stay, give them more room"
+        }
+        Warning::Crossings { .. } | Warning::BodyCrossings { .. } => "--untangle helps them",
+        Warning::StrainMissed { cause, .. } => match cause {
+            Cause::Slivers => "merge their ends, or ask for more --substeps",
+            Cause::Crossings if untangles => "give it more room",
+            Cause::Crossings => "give it more room, and use --untangle",
+            Cause::Squeezed => "give it more room, a smaller thickness (--self-contact METRES), or ask for more --substeps",
+            Cause::Wind => "let it blow less hard, or ask for more --substeps",
+            Cause::Pins | Cause::Collider => "move them more slowly, or ask for more --substeps",
+            _ => "ask for more --substeps, or bring what holds it closer together",
+        },
+        Warning::PinOutruns { .. } | Warning::ColliderOutruns { .. } => "move it more slowly, or ask for more --substeps",
+        _ => "move them more slowly, or ask for more --substeps",
+    };
+    format!("{warning}; {remedy}")
 }
 
 /// Whether a warning says that something crosses.

@@ -1,6 +1,7 @@
 //! The settings a cloth is created with, and the report that each step returns.
 
 mod checks;
+mod display;
 mod fabric;
 mod quality;
 mod report;

@@ -77,7 +77,7 @@ impl Crossing {
     }
 }
 
-/// A condition found in a step that the caller should know of.
+/// A condition found in a step that the caller should know of. As text it is a sentence without a full stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Warning {
