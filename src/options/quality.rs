@@ -38,14 +38,14 @@ pub enum Quality {
     },
     /// As many substeps as fit into this time (ms) per step, estimated from the time that previous steps took.
     ///
-    /// At least one, with contact of triangles as many as its weight stretches by about 5 %, and at least 5 per 1/60 s: with fewer
-    /// the cloth is stretched so far that contact takes longer. At most 1.4 `S*` (see [`Quality::Hold`]). Nothing warns of a time
-    /// that is too short even for these.
+    /// At least one, with contact of triangles as many as keep the cloth from being stretched by about 5 % under its weight, and
+    /// at least 5 per 1/60 s: with fewer it is stretched so far that contact takes longer. At most 1.4 `S*` (see
+    /// [`Quality::Hold`]). Nothing warns of a time that is too short even for these.
     ///
     /// Timings differ between runs, so a run cannot be repeated exactly; a single step of 1/60 s can, by its
     /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth). Not available on the GPU, where a step returns
     /// before the work is done. [`Deformer::step_all`](crate::Deformer::step_all) does not time individual cloths: one that
-    /// was never stepped by itself takes the least, or 5 substeps per 1/60 s. Methods other than the default do not use the time.
+    /// was never stepped by itself takes these, or 5 substeps per 1/60 s. Methods other than the default do not use the time.
     Budget(f32),
 }
 
