@@ -264,7 +264,7 @@ impl Engine {
         match self {
             Engine::Cpu(cpu) => cpu.change(cloth, change),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.change(cloth, change).map_err(Failure::Gpu)?,
+            Engine::Hybrid(hybrid) => hybrid.change(cloth, change)?,
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.change(cloth, options.method, change, [x, p])?,
         }

@@ -12,6 +12,13 @@ pub(crate) enum Failure {
     Gpu(crate::device::fault::GpuFault),
 }
 
+#[cfg(feature = "gpu")]
+impl From<crate::device::fault::GpuFault> for Failure {
+    fn from(fault: crate::device::fault::GpuFault) -> Failure {
+        Failure::Gpu(fault)
+    }
+}
+
 /// What the stability check found, with indices in the solver's order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Defect {

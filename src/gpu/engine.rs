@@ -161,11 +161,11 @@ impl GpuEngine {
         let steps = self.past()?.steps;
         let (gpu, own) = (self.gpu.clone(), self.forces.states[0].clone());
         let best = GpuEngine::best(&gpu, cloth, method);
-        let mut made = GpuEngine::make(gpu, cloth, method, best, Some(own)).map_err(Failure::Gpu)?;
+        let mut made = GpuEngine::make(gpu, cloth, method, best, Some(own))?;
         // Edges between two pins have no strain gauges.
         let is_gauged_anew = change == Change::Edges && self.counter.is_some();
         let gauge = || Ok(is_gauged_anew.then(|| Counter::new(&made.gpu, &made.forces, cloth.gauges())));
-        let gauged = made.gpu.checked(gauge).map_err(Failure::Gpu)?;
+        let gauged = made.gpu.checked(gauge)?;
         // Read-backs that are under way still arrive.
         std::mem::swap(&mut made.readback, &mut self.readback);
         (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, self.normals.take());

@@ -154,7 +154,7 @@ impl Hybrid {
             };
             Ok((mapped, exchange.encode(gpu, forces, on_gpu, 0, complete)))
         });
-        let (first, next) = opened.inspect_err(|fault| *broken = Some(fault.clone())).map_err(Failure::Gpu)?;
+        let (first, next) = opened.inspect_err(|fault| *broken = Some(fault.clone()))?;
 
         let mut first = [Some(first)];
         let step = ExchangedStep {

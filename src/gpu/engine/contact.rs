@@ -55,7 +55,7 @@ impl GpuEngine {
     /// Takes a step, and goes back to the data of contact that it replaced if it fails.
     pub(super) fn step_with(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let meshes = plan.meshes.iter().map(|body| &body.from);
-        let replaced = self.prepare_contact(plan.cloth, plan.contact, meshes).map_err(Failure::Gpu)?;
+        let replaced = self.prepare_contact(plan.cloth, plan.contact, meshes)?;
         let stepped = if self.contact.is_some() { self.step_with_contact(plan) } else { self.step_alone(plan) };
         if let (Err(_), Some(Replaced(before))) = (&stepped, replaced) {
             self.contact = before;

@@ -68,9 +68,9 @@ impl GpuEngine {
         let gpu = self.gpu.clone();
         if self.counter.is_none() && !past.pending.is_empty() {
             let counter = gpu.checked(|| Ok(Counter::new(&gpu, &self.forces, cloth.gauges())));
-            self.counter = Some(counter.map_err(Failure::Gpu)?);
+            self.counter = Some(counter?);
         }
-        if !self.resume_contact(cloth, options, past.contact.as_ref()).map_err(Failure::Gpu)? {
+        if !self.resume_contact(cloth, options, past.contact.as_ref())? {
             return Ok(false);
         }
         self.put(x, p, past.steps);
@@ -82,7 +82,7 @@ impl GpuEngine {
 
     /// Waits for everything submitted.
     pub(crate) fn wait(&self) -> Result<(), Failure> {
-        self.gpu.wait().map_err(Failure::Gpu)?;
+        self.gpu.wait()?;
         if self.gpu.is_lost() { Err(Failure::Gpu(GpuFault::Lost)) } else { Ok(()) }
     }
 
@@ -90,7 +90,7 @@ impl GpuEngine {
     /// failed step.
     pub(crate) fn read(&mut self, read: impl FnOnce(&[Vec4], &[Vec4])) -> Result<(), Failure> {
         let seen = self.readback.read(&self.gpu, &self.forces.states[0], &self.commit.found, read);
-        let found = seen.map_err(Failure::Gpu)?;
+        let found = seen?;
         let good = self.verdict(found);
         if good.is_err() {
             self.go_on(found);
@@ -118,7 +118,7 @@ impl GpuEngine {
 
     /// Whether a step is now known to have failed. Never waits.
     pub(crate) fn has_failed_late(&mut self) -> Result<bool, Failure> {
-        let Some(found) = self.report.arrived(&self.gpu).map_err(Failure::Gpu)? else { return Ok(false) };
+        let Some(found) = self.report.arrived(&self.gpu)? else { return Ok(false) };
         let verdict = self.verdict_for_good(found);
         // Elsewhere the state is read next, which finds the same.
         if IN_BROWSER { verdict.map(|()| false) } else { Ok(verdict.is_err()) }
@@ -141,7 +141,7 @@ impl GpuEngine {
 
     /// Passes the requested positions to `read`, once, if they have arrived; returns whether they have.
     pub(crate) fn arrived(&mut self, read: impl FnOnce(&[Vec4])) -> Result<bool, Failure> {
-        match self.readback.arrived(&self.gpu, read).map_err(Failure::Gpu)? {
+        match self.readback.arrived(&self.gpu, read)? {
             Some(found) => self.verdict_for_good(found).map(|()| true),
             None => Ok(false),
         }
