@@ -23,7 +23,7 @@ struct Params {
     edges: u32,
     per_length: f32,
     per_mass: f32,
-    longest: f32,
+    longest_edge: f32,
     tethers: u32,
     load: f32,
     checks: u32,

@@ -13,5 +13,5 @@ fn energy_share(p: vec3f, mass: f32) -> f32 {
 }
 
 fn is_long(d: vec3f) -> bool {
-    return length(d) > params.longest;
+    return length(d) > params.longest_edge;
 }

@@ -56,7 +56,7 @@ fn cloth(scene: &Scene, Play { backend, by_default }: Play, contact: Option<Cont
     };
     let mut cloth = Deformer::new(&scene.mesh, options).expect("the scene is sound");
     let still = vec![Vec3::ZERO; scene.mesh.positions.len()];
-    for start in &scene.start {
+    if let Some(start) = &scene.start {
         cloth.set_state(start, &still).expect("the scene is sound");
         cloth.place_colliders(&scene.colliders(0, contact.is_some())).expect("they are sound");
     }

@@ -44,7 +44,7 @@ impl VertexWatch {
             lost: AtomicUsize::new(usize::MAX),
             is_suspicious: AtomicBool::new(false),
             center,
-            distance: within.min(CUBE * params.longest),
+            distance: within.min(CUBE * params.longest_edge),
             travel: (COMPONENT / params.per_length).min(MAX_POSITION),
         }
     }
@@ -86,7 +86,7 @@ impl VertexWatch {
         {
             return Some(Defect::Energy(first));
         }
-        overlong(cloth, params.longest, step, x).map(Defect::Edge)
+        overlong(cloth, params.longest_edge, step, x).map(Defect::Edge)
     }
 }
 

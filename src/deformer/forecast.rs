@@ -47,7 +47,7 @@ impl Deformer {
         let StepDecision { load, controller, division: Division { substeps, length }, levels, .. } = decision;
         let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending.limited;
         let strain = match self.options.method {
-            Method::SmallSteps => controller.expected(&self.rates, &self.cloth, &load, length.longest),
+            Method::SmallSteps => controller.expected(&self.rates, &self.cloth, &load, length.longest_h),
             Method::Springs => 0.0,
             Method::Relaxation { .. } => f64::NAN,
         };
@@ -82,11 +82,11 @@ impl Deformer {
             (speed > carried).then_some([speed as f32, carried as f32])
         };
         // A sweep passes a pull on by one edge length per substep.
-        let pin = outrun(fastest.pin.1, self.cloth.longest).filter(|_| self.options.method != Method::Springs);
+        let pin = outrun(fastest.pin.1, self.cloth.longest_edge).filter(|_| self.options.method != Method::Springs);
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: fastest.pin.0, speed, carried });
         // Contact lets a vertex follow a collider only as far as it does not come too close to others. Meshes carry what they hit.
         let thickness = self.options.contact.map_or(f32::INFINITY, |contact| contact.thickness);
-        let limits = [(fastest.solid, self.cloth.longest.min(thickness)), (fastest.collider, self.cloth.longest)];
+        let limits = [(fastest.solid, self.cloth.longest_edge.min(thickness)), (fastest.collider, self.cloth.longest_edge)];
         let collider = limits.into_iter().filter(|(_, length)| *length > 0.0).find_map(|((collider, speed), length)| {
             outrun(speed, length).map(|[speed, carried]| Warning::ColliderOutruns { collider, speed, carried })
         });

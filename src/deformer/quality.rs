@@ -175,7 +175,7 @@ impl Deformer {
         holds: Option<Cause>,
     ) -> Option<Warning> {
         let StepDecision { dt, load, division, .. } = decision;
-        let (share, longest, resolved) = (strain_bound.share, f64::from(division.length.longest), division.length.resolved);
+        let (share, longest, resolved) = (strain_bound.share, f64::from(division.length.longest_h), division.length.resolved);
         let measured = f64::from(seen.stretch_of(f64::from(share)));
         let with_most = FRAMES * most(&self.rates, &self.cloth) * longest < 1.001;
         let caution = self.caution(self.engine.contact().is_some(), false);

@@ -47,7 +47,7 @@ pub(crate) struct Params {
     /// One over the mass of all free vertices (1/kg).
     pub per_mass: f32,
     /// The greatest length of an edge (m) that the scene explains.
-    pub longest: f32,
+    pub longest_edge: f32,
     /// 1 if tethers are in use.
     pub tethers: u32,
     /// Acceleration (m/s²) under whose load tethers are lengthened by their slack.

@@ -66,7 +66,7 @@ pub(crate) struct Cloth {
     /// Number of connected parts.
     pub parts: usize,
     /// Length of the longest edge (m), and the mean of all.
-    pub longest: f32,
+    pub longest_edge: f32,
     pub mean_edge: f32,
     /// Membrane stiffness K (N/m) of the fabric times the factor of its firm edges ([`firm`]), which is 1 for most cloth.
     pub stretch: f64,
@@ -131,7 +131,7 @@ impl Cloth {
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
             check_thickness(&rest[..used], sides.max_element(), contact.thickness)?;
         }
-        let Links { list: mut links, longest, mean_edge, firm, stretch, slivers } =
+        let Links { list: mut links, longest_edge, mean_edge, firm, stretch, slivers } =
             Links::new(&mesh_edges, &rank, &rest, &side_area, options);
         let Extents { sides: extents, extent, near, parts } =
             extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
@@ -156,7 +156,7 @@ impl Cloth {
             extent,
             near,
             parts,
-            longest: longest as f32,
+            longest_edge: longest_edge as f32,
             mean_edge: mean_edge as f32,
             stretch,
             firm,
@@ -343,7 +343,7 @@ impl Cloth {
 
     /// Whether an edge has a length at rest, of which its strain is a share.
     pub(crate) fn has_length(&self, link: &Link) -> bool {
-        f64::from(link.rest) > 1.5 * shortest(f64::from(self.longest))
+        f64::from(link.rest) > 1.5 * shortest(f64::from(self.longest_edge))
     }
 
     /// Whether a vertex has edges. Others are in nobody's way.

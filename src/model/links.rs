@@ -12,7 +12,7 @@ use crate::options::Options;
 pub(super) struct Links {
     pub list: Vec<Link>,
     /// Length of the longest edge (m), and the mean of all; 0 without edges.
-    pub longest: f64,
+    pub longest_edge: f64,
     pub mean_edge: f64,
     /// The factor of firm edges ([`firm`]), and K (N/m) of the fabric times that.
     pub firm: f64,
@@ -59,7 +59,7 @@ impl Links {
             links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
         }
         let mean_edge = sum / mesh_edges.len().max(1) as f64;
-        Links { list: links, longest, mean_edge, firm, stretch, slivers }
+        Links { list: links, longest_edge: longest, mean_edge, firm, stretch, slivers }
     }
 }
 

@@ -10,10 +10,10 @@ use crate::model::cloth::Cloth;
 /// are enlarged by 1.2 times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between
 /// its ends.
 pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
-    let &Cloth { origin, longest, mean_edge, .. } = cloth;
+    let &Cloth { origin, longest_edge, mean_edge, .. } = cloth;
     let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);
     // A sharp edge (radius 0) is not enlarged.
-    let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
+    let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest_edge.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
     // From the two ends with their radii, at the step's start and end. A sphere has the same end twice.
     let round = |from: [(Vec3, f32); 2], to: [(Vec3, f32); 2]| {
         let [from_radii, to_radii] = [from, to].map(|ends| ends.map(|(_, radius)| radius + sagitta(radius)));

@@ -67,7 +67,7 @@ impl Coefficients {
         let levels = levels.iter().map(coarse).collect();
         let fabric = options.fabric;
         let bending = if fabric.bending > 0.0 {
-            let [rigidity, tau, h, softest] = [fabric.bending, fabric.damping, length.longest, length.softest].map(f64::from);
+            let [rigidity, tau, h, softest] = [fabric.bending, fabric.damping, length.longest_h, length.softest_h].map(f64::from);
             BendRows::new(cloth.bending(), &cloth.rest, [rigidity, tau], [h, softest], options.method == Method::SmallSteps)
         } else {
             BendRows::default()
@@ -92,9 +92,9 @@ const SOFT: f64 = 2e-3;
 /// less far the more substeps there are. Like edges, they are as stiff in a shorter substep as in the longest one: otherwise
 /// a step of a microsecond would turn what is left of a stretch into hundreds of meters per second.
 fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
-    let substeps = 1.0 / (60.0 * f64::from(length.longest));
+    let substeps = 1.0 / (60.0 * f64::from(length.longest_h));
     let reach = REACH * cloth.sides.max_element() * (FULL_REACH / substeps).min(1.0);
-    let part = (f64::from(length.h) / f64::from(length.longest)).powi(2).min(1.0);
+    let part = (f64::from(length.h) / f64::from(length.longest_h)).powi(2).min(1.0);
     let left = part * (1.0 - length.resolved);
     let tether = |held: &Held| {
         let share = left * (1.0 - f64::from(held.distance) / reach);
@@ -128,7 +128,7 @@ fn edge(link: &Link, inverse_weight: f64) -> Edge {
 /// raise their energy, and steps of changing length would pump energy into the cloth. So `alpha` is based on the
 /// longest substep `h_q` that the quality allows: `alpha = max(1/k, h_q² w (1/2 + floor))`, or 1/4 instead of 1/2.
 fn inverse_weight(compliance: f64, weight: f64, softening: f64, floor: f64, length: Length) -> f64 {
-    let [h, longest] = [length.h, length.longest].map(f64::from);
+    let [h, longest] = [length.h, length.longest_h].map(f64::from);
     let alpha = compliance.max(longest * longest * weight * (softening + floor));
     1.0 / (weight + (alpha / (h * h) - softening * weight).max(0.0) / (2.0 * softening))
 }
@@ -151,7 +151,7 @@ const UNSEEN: f64 = 5e-5;
 /// from gaining an eighth of the energy of its fall: under a membrane `stress` (N/m) it adds a strain of
 /// `floor h² w k stress/K`, and at most [`UNSEEN`].
 fn floor(link: &Link, weight: f64, length: Length, stress: f64) -> f64 {
-    let longest = f64::from(length.longest);
+    let longest = f64::from(length.longest_h);
     let substeps = 1.0 / (60.0 * longest);
     if substeps <= MANY {
         return 0.0;

@@ -138,7 +138,7 @@ impl StepInputs<'_> {
             load: acceleration(cloth, attributes, drift / coefficients.length.h) as f32,
             checks: 1,
             // No limit is set until [`Watch`](crate::step::watch::Watch) sets one.
-            longest: f32::MAX,
+            longest_edge: f32::MAX,
             ..Params::default()
         }
     }

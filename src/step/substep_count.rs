@@ -37,10 +37,10 @@ pub(crate) struct Length {
     /// The substep (s).
     pub h: f32,
     /// The longest substep (s) that the quality allows, independent of the step; `h` if it is nearly as long.
-    pub longest: f32,
+    pub longest_h: f32,
     /// The longest substep (s) since the cloth was placed, or its quality or bending changed, for which bending is stable: see
     /// [`BendRows::new`](crate::step::bending::BendRows::new).
-    pub softest: f32,
+    pub softest_h: f32,
     /// `(S/S*)²`, the share of the stiffness that one sweep carries in the longest substep; 1 if the stiffness is
     /// resolved.
     pub resolved: f64,
@@ -50,13 +50,13 @@ pub(crate) struct Length {
 }
 
 recorded!(Division { substeps, length });
-recorded!(Length { h, longest, softest, resolved } but { changes });
+recorded!(Length { h, longest_h, softest_h, resolved } but { changes });
 
 impl Length {
     /// For tests: a substep about which nothing else is known.
     #[cfg(test)]
     pub(crate) fn of(h: f32) -> Length {
-        Length { h, longest: h, softest: h, resolved: 0.0, changes: 0 }
+        Length { h, longest_h: h, softest_h: h, resolved: 0.0, changes: 0 }
     }
 }
 
@@ -112,10 +112,10 @@ impl Rates {
             return Err(StepError::TooManySubsteps { needed: needed * sweeps });
         }
         let (substeps, h) = (needed as u32, dt / needed as f32);
-        let longest = if rate * f64::from(h) > 0.999 { h } else { (1.0 / rate) as f32 };
-        let softest = if 0.999 * rate * softest > 1.0 { softest as f32 } else { longest };
-        let resolved = (self.resolving(cloth.stretch) * f64::from(longest)).max(1.0).powi(-2);
-        Ok(Division { substeps, length: Length { h, longest, softest, resolved, changes: self.changes } })
+        let longest_h = if rate * f64::from(h) > 0.999 { h } else { (1.0 / rate) as f32 };
+        let softest_h = if 0.999 * rate * softest > 1.0 { softest as f32 } else { longest_h };
+        let resolved = (self.resolving(cloth.stretch) * f64::from(longest_h)).max(1.0).powi(-2);
+        Ok(Division { substeps, length: Length { h, longest_h, softest_h, resolved, changes: self.changes } })
     }
 
     /// The number of coarse levels to use in wind of this dynamic pressure (Pa).
@@ -137,7 +137,7 @@ impl Rates {
             Levels::Off => 0,
             Levels::Count(count) => count as usize,
             Levels::Auto => {
-                let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest);
+                let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest_h);
                 if shortfall < PAYS_FROM || is_gale(cloth, pressure, before) {
                     return 0;
                 }

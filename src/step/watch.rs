@@ -108,7 +108,7 @@ impl Watch {
             let [a, b] = link.ends.map(|end| x[end as usize].truncate().as_dvec3());
             a.distance(b)
         });
-        let spread = (longest.fold(0.0, f64::max) - f64::from(cloth.longest)).max(0.0);
+        let spread = (longest.fold(0.0, f64::max) - f64::from(cloth.longest_edge)).max(0.0);
         Watch { speed, spread, fallen: 0.0, fastest: 0.0, gone: 0.0, ..*self }
     }
 
@@ -129,7 +129,7 @@ impl Watch {
     /// The bounds of a step with substeps of this length.
     pub(crate) fn bounds(&self, cloth: &Cloth, rates: &Rates, attributes: &Attributes, length: Length) -> Bounds {
         let h = f64::from(length.h);
-        let longest = f64::from(cloth.longest);
+        let longest = f64::from(cloth.longest_edge);
         let elastic = if self.bends { 2.0 * longest / h } else { self.wave.min(longest / h) };
         let explained = self.speed + self.fallen + self.fastest + elastic + self.spread / h;
         let speed = coarse(MARGIN * explained);
@@ -140,8 +140,8 @@ impl Watch {
         let stress = TRANSIENT
             * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes))
             * cloth.sides.max_element();
-        let stretch =
-            extent * (stress / self.softest + explained / self.wave) + longest * rates.strain(stress, f64::from(length.longest));
+        let stretch = extent * (stress / self.softest + explained / self.wave)
+            + longest * rates.strain(stress, f64::from(length.longest_h));
         let edge_length = coarse(MARGIN * (extent + stretch + self.spread) + self.gone + f64::from(speed) * h);
         Bounds { speed, edge_length }
     }
@@ -150,7 +150,7 @@ impl Watch {
     pub(crate) fn limit(&self, params: &mut Params, Bounds { speed, edge_length }: Bounds) {
         params.per_length = (1.0 / (f64::from(speed) * f64::from(params.h))) as f32;
         params.per_mass = self.per_mass as f32;
-        params.longest = edge_length;
+        params.longest_edge = edge_length;
     }
 }
 

@@ -72,7 +72,7 @@ fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
             }
         }
         if filtered > 0 {
-            let h = f64::from(plan.coefficients.length.longest);
+            let h = f64::from(plan.coefficients.length.longest_h);
             let wide: Vec<DVec3> = x.iter().map(|x| x.as_dvec3()).collect();
             let kicks = oracle::filtered_kick(&wide, filtered, |x| kick(plan, h, x));
             let to_force = |(kick, rest): (&DVec3, &Vec4)| (kick / (h * h * f64::from(rest.w))).as_vec3a();

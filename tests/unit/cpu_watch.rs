@@ -22,7 +22,7 @@ fn cloth() -> (Cloth, Params) {
     let cloth = Cloth::new(&Mesh::grid(9, 9, 1.0, 1.0), &Options { pinned: vec![0], ..Options::default() }).expect("a sheet");
     let free = cloth.rest.iter().zip(&cloth.mass).filter(|(x, _)| x.w > 0.0);
     let mass: f64 = free.map(|(_, &mass)| f64::from(mass)).sum();
-    let params = Params { per_length: 1.0 / 0.01, per_mass: (1.0 / mass) as f32, longest: 8.0, ..Params::default() };
+    let params = Params { per_length: 1.0 / 0.01, per_mass: (1.0 / mass) as f32, longest_edge: 8.0, ..Params::default() };
     (cloth, params)
 }
 

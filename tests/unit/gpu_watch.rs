@@ -144,7 +144,7 @@ fn an_edge_that_is_too_long_is_found_in_one_round_of_steps() {
             let failed = (0..TURNS).find_map(|_| {
                 let before = at.clone();
                 let (now, _, verdict) =
-                    scene.step(&mut engine, |params| (params.longest, params.acceleration) = (limit as f32, [0.0; 3]));
+                    scene.step(&mut engine, |params| (params.longest_edge, params.acceleration) = (limit as f32, [0.0; 3]));
                 at = now;
                 verdict.err().map(|failure| (failure, before))
             });
