@@ -58,7 +58,7 @@ use common_motion::CommonMotion;
 pub(crate) use contacts::carry::ROUNDS;
 #[cfg(feature = "gpu")]
 pub(crate) use contacts::response::ITERATIONS;
-use contacts::{Contacts, Held};
+use contacts::{Contacts, HoldOutcome};
 use crossings::ignored::IgnoredPairs;
 use detection::Detection;
 #[cfg(feature = "gpu")]
@@ -299,10 +299,10 @@ impl TriangleContact {
         };
         let lost = loop {
             match self.contacts.hold_apart(&mut self.lists, input, scale) {
-                Held::Done { lost } => break lost,
+                HoldOutcome::Done { lost } => break lost,
                 // The next time, near pairs are found for cloth that is carried this far.
                 // The multipliers that it starts with are of this substep already.
-                Held::NeedsCarry(travel) => (input.max_carry, scale) = (travel, 1.0),
+                HoldOutcome::NeedsCarry(travel) => (input.max_carry, scale) = (travel, 1.0),
             }
         };
         self.max_carry = input.max_carry;

@@ -204,7 +204,7 @@ fn nearest<L: Lanes>(a: Vec3A, b: Vec3A, taper: f32, x: Vector<L>) -> L {
 }
 
 /// A shape at rest.
-trait Surface {
+trait Solid {
     fn gap<L: Lanes>(&self, x: Vector<L>) -> Gap<L>;
 }
 
@@ -216,7 +216,7 @@ struct Round {
     radius: f32,
 }
 
-impl Surface for Round {
+impl Solid for Round {
     #[inline(always)]
     fn gap<L: Lanes>(&self, x: Vector<L>) -> Gap<L> {
         let &Round { a, b, taper, radius } = self;
@@ -247,7 +247,7 @@ struct Touch<L: Lanes> {
 /// The first touch of the paths `x + s du`, of length `travel` and looked at only if `is_fast`, with a surface at rest. Steps
 /// along the path by the distance to the surface (sphere tracing: Hart 1996), which never passes through it.
 #[inline(always)]
-fn swept<L: Lanes>(x: Vector<L>, du: Vector<L>, travel: L, is_fast: L::Mask, surface: impl Surface) -> Touch<L> {
+fn swept<L: Lanes>(x: Vector<L>, du: Vector<L>, travel: L, is_fast: L::Mask, surface: impl Solid) -> Touch<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let mut touch = Touch { hit: zero.lt(zero), n: Vector::zero(), after: zero };
     let (mut s, mut is_on_its_way) = (zero, is_fast);

@@ -11,7 +11,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3A};
 
 use super::pinches::{distance, moves_through};
-use super::{Contacts, Held};
+use super::{Contacts, HoldOutcome};
 use crate::contact::input::ContactInput;
 use crate::contact::surface::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
@@ -39,12 +39,12 @@ impl Contacts {
     /// Carries vertices with what runs over them, after truncation has removed `lost` of the momentum (kg m). Near pairs were not
     /// found for vertices that move farther than [`ContactInput::max_carry`] besides the common motion; if there are such,
     /// carries nothing.
-    pub(crate) fn carry(&mut self, input: ContactInput<'_>, mut lost: DVec3) -> Held {
+    pub(crate) fn carry(&mut self, input: ContactInput<'_>, mut lost: DVec3) -> HoldOutcome {
         for round in 0..ROUNDS {
             let pairs = self.run_over(input);
             let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
             if round == 0 && travel > input.max_carry {
-                return Held::NeedsCarry(travel);
+                return HoldOutcome::NeedsCarry(travel);
             }
             if pairs.is_empty() {
                 break;
@@ -61,7 +61,7 @@ impl Contacts {
             }
             lost += self.truncate(input);
         }
-        Held::Done { lost }
+        HoldOutcome::Done { lost }
     }
 
     /// The pairs that are run over, among those whose plane has passed a vertex, where nothing crosses.

@@ -71,7 +71,7 @@ pub(crate) struct Contacts {
 }
 
 /// The result of [`Contacts::hold_apart`].
-pub(crate) enum Held {
+pub(crate) enum HoldOutcome {
     /// Pairs are held apart. Truncation has removed `lost` of the cloth's momentum (kg m).
     Done { lost: DVec3 },
     /// The displacements are not to be used, because vertices must be carried this far (m), which is more than
@@ -81,10 +81,10 @@ pub(crate) enum Held {
 
 impl Contacts {
     /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`.
-    pub(crate) fn hold_apart(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>, scale: f32) -> Held {
+    pub(crate) fn hold_apart(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>, scale: f32) -> HoldOutcome {
         self.gather(lists, input);
         if !self.has_near() {
-            return Held::Done { lost: DVec3::ZERO };
+            return HoldOutcome::Done { lost: DVec3::ZERO };
         }
         self.respond(input.context, scale);
         let lost = self.truncate(input);

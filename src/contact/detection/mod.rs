@@ -21,7 +21,7 @@ use glam::{Vec3A, Vec4};
 
 use super::detection::boxes::Boxes;
 use super::detection::broad_phase::{Candidates, TRIANGLES};
-use super::detection::narrow_phase::Measure;
+use super::detection::narrow_phase::NarrowPhase;
 use super::detection::rows::{FoundPairs, Rows};
 use super::detection::tree::{DetectionScope, Tree, Walk};
 use super::input::Path;
@@ -197,7 +197,7 @@ impl Detection {
                         let FoundPairs { pairs: listed, ranges: of } = &mut found[kind as usize];
                         listed.clear();
                         let near = &near[kind as usize];
-                        simd::run(input.width, Measure { surface, scope, middle, u: path.u, kind, near, listed });
+                        simd::run(input.width, NarrowPhase { surface, scope, middle, u: path.u, kind, near, listed });
                         listed.retain(|(row, pair)| !is_ignored(kind, *row, pair));
                         *of = listed.iter().fold(0, |all, (row, _)| all | ranges[kind as usize].bit(*row));
                         listed_in_all.fetch_add(listed.len(), Ordering::Relaxed);

@@ -10,7 +10,7 @@ use crate::contact::surface::{LEAST_HELD, Surface};
 use crate::simd::{Bits, Loop, MAX_LANES, Registers};
 
 /// Lists the candidates that are close enough.
-pub(crate) struct Measure<'a> {
+pub(crate) struct NarrowPhase<'a> {
     pub surface: &'a Surface,
     pub scope: DetectionScope,
     /// Midpoints of the vertices' paths (m); w is the distance that they may stray from them.
@@ -21,10 +21,10 @@ pub(crate) struct Measure<'a> {
     pub listed: &'a mut Vec<(u32, Listed)>,
 }
 
-impl Loop for Measure<'_> {
+impl Loop for NarrowPhase<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Measure { surface, scope, middle, u, kind, near, listed } = self;
+        let NarrowPhase { surface, scope, middle, u, kind, near, listed } = self;
         let thickness = scope.thickness;
         let half = L::splat(0.5 * scope.substeps);
         for group in near.chunks(L::LANES) {

@@ -2,7 +2,7 @@
 
 use glam::{Vec3A, Vec4, Vec4Swizzles};
 
-use super::{Body, ContactPoint, Gap, SWEPT, Surface, TOUCHING, splat, swept};
+use super::{Body, ContactPoint, Gap, SWEPT, Solid, TOUCHING, splat, swept};
 use crate::kernels::distance::MIN_LENGTH;
 use crate::kernels::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
@@ -92,7 +92,7 @@ struct RoundedBox {
     radius: f32,
 }
 
-impl Surface for RoundedBox {
+impl Solid for RoundedBox {
     #[inline(always)]
     fn gap<L: Lanes>(&self, y: Vector<L>) -> Gap<L> {
         let &RoundedBox { core, radius } = self;

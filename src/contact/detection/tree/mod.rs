@@ -26,21 +26,21 @@ const ROUNDED: f32 = 1.01;
 /// Bounds of a node's triangles: their places (m) at the midpoints of the paths, and their displacements per substep (m). Also
 /// bounds of the unit normals of all triangles at their vertices, on the whole path.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
+pub(crate) struct NodeBounds {
     pub place: [Vec3A; 2],
     pub step: [Vec3A; 2],
     normal: [Vec3A; 2],
 }
 
-impl Bounds {
-    const NOTHING: Bounds = {
+impl NodeBounds {
+    const NOTHING: NodeBounds = {
         let inverted = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
-        Bounds { place: inverted, step: inverted, normal: inverted }
+        NodeBounds { place: inverted, step: inverted, normal: inverted }
     };
 
-    fn join(&self, other: &Bounds) -> Bounds {
+    fn join(&self, other: &NodeBounds) -> NodeBounds {
         let join = |a: [Vec3A; 2], b: [Vec3A; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-        Bounds {
+        NodeBounds {
             place: join(self.place, other.place),
             step: join(self.step, other.step),
             normal: join(self.normal, other.normal),
@@ -49,12 +49,12 @@ impl Bounds {
 
     /// The distance (m) along each axis within which two nodes may contain a pair to list: the thickness (m), and by how
     /// much they may approach each other in half of the substeps.
-    pub(crate) fn reach(&self, other: &Bounds, thickness: f32, substeps: f32) -> Vec3A {
+    pub(crate) fn reach(&self, other: &NodeBounds, thickness: f32, substeps: f32) -> Vec3A {
         let relative = (self.step[1] - other.step[0]).max(other.step[1] - self.step[0]).max(Vec3A::ZERO);
         relative * (0.5 * substeps) + thickness
     }
 
-    fn is_apart(&self, other: &Bounds, thickness: f32, substeps: f32) -> bool {
+    fn is_apart(&self, other: &NodeBounds, thickness: f32, substeps: f32) -> bool {
         let gap = (self.place[0] - other.place[1]).max(other.place[0] - self.place[1]);
         gap.cmpgt(self.reach(other, thickness, substeps)).any()
     }
@@ -73,7 +73,7 @@ pub(crate) struct Tree {
     /// The leaf of each triangle.
     leaf_of: Vec<u32>,
     /// Indexed by heap number; entry 0 is unused.
-    nodes: Vec<Bounds>,
+    nodes: Vec<NodeBounds>,
     /// Sum of the excess angles (rad) of a node's vertices; infinite if its triangles are not connected by edges.
     excess: Vec<f32>,
     /// The box of each leaf at rest (m).
@@ -94,7 +94,7 @@ pub(crate) struct Tree {
 impl Tree {
     /// Over the bodies, which are not tested against each other.
     pub(crate) fn of_bodies(leaves: Leaves) -> Tree {
-        let (leaf_of, nodes) = (leaves.of_triangles(), vec![Bounds::NOTHING; 2 << leaves.depth]);
+        let (leaf_of, nodes) = (leaves.of_triangles(), vec![NodeBounds::NOTHING; 2 << leaves.depth]);
         let around = Csr::new(1 << leaves.depth, std::iter::empty());
         let (excess, rest, normals, beside, marks, before, frontier, found) = Default::default();
         Tree { leaves, leaf_of, nodes, excess, rest, around, normals, beside, marks, before, frontier, found }
@@ -107,7 +107,7 @@ impl Tree {
         let at_rest = |triangle: &[u32; 3]| triangle.map(|vertex| xyz(surface.rest[vertex as usize]));
         let boxed = |leaf: usize| {
             let corners = surface.triangles[tree.leaves.triangles_of(leaf)].iter().flat_map(at_rest);
-            corners.fold(Bounds::NOTHING.place, |[low, high], x| [low.min(x), high.max(x)])
+            corners.fold(NodeBounds::NOTHING.place, |[low, high], x| [low.min(x), high.max(x)])
         };
         tree.rest = (0..1 << tree.leaves.depth).map(boxed).collect();
         let leaf_of = tree.leaf_of.clone();
@@ -183,7 +183,7 @@ impl Tree {
     }
 
     /// The bounds of a leaf.
-    pub(crate) fn leaf(&self, leaf: u32) -> &Bounds {
+    pub(crate) fn leaf(&self, leaf: u32) -> &NodeBounds {
         &self.nodes[leaf as usize + (1 << self.leaves.depth)]
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3A;
 
-use super::{Bounds, Tree};
+use super::{NodeBounds, Tree};
 use crate::contact::detection::boxes::Boxes;
 use crate::contact::input::Path;
 use crate::contact::surface::Surface;
@@ -22,7 +22,7 @@ impl Tree {
     pub(crate) fn refit(&mut self, surface: &Surface, boxes: &Boxes, path: Path<'_>, substeps: f32) {
         let mut normals = std::mem::take(&mut self.normals);
         if self.has_normals() {
-            normals.resize(self.leaves.all()[0].end, Bounds::NOTHING.normal);
+            normals.resize(self.leaves.all()[0].end, NodeBounds::NOTHING.normal);
         }
         path.workers.chunks(&mut normals, GRAIN, |first, normals| {
             (first..).zip(normals).for_each(|(triangle, normal)| *normal = normals_of(surface, triangle, path, substeps));
@@ -88,15 +88,15 @@ impl Tree {
     }
 
     /// The bounds of a leaf.
-    fn bounds(&self, leaf: usize, surface: &Surface, boxes: &Boxes, path: Path<'_>) -> Bounds {
-        let mut bounds = Bounds::NOTHING;
+    fn bounds(&self, leaf: usize, surface: &Surface, boxes: &Boxes, path: Path<'_>) -> NodeBounds {
+        let mut bounds = NodeBounds::NOTHING;
         for triangle in self.leaves.triangles_of(leaf) {
             let [a, b, c] = surface.triangles[triangle].map(|vertex| xyz(path.u[vertex as usize]));
             let step = [a.min(b).min(c), a.max(b).max(c)];
-            bounds = bounds.join(&Bounds { place: boxes.get(triangle), step, ..Bounds::NOTHING });
+            bounds = bounds.join(&NodeBounds { place: boxes.get(triangle), step, ..NodeBounds::NOTHING });
         }
         for &triangle in self.around.of(leaf as u32) {
-            bounds = bounds.join(&Bounds { normal: self.normals[triangle as usize], ..Bounds::NOTHING });
+            bounds = bounds.join(&NodeBounds { normal: self.normals[triangle as usize], ..NodeBounds::NOTHING });
         }
         bounds
     }
