@@ -61,16 +61,16 @@ fn finish(
     }
 }
 
-// Whether a vertex moves elsewhere than it was about to, and farther from its path than it may, so that pairs that are not
-// listed may cross. Paths of free cloth are relative to what it strays together.
+// Whether a vertex gets farther from its path than it may, so that pairs that are not listed may cross. Paths of free cloth are
+// relative to what it strays together, so that there it counts how far it moves elsewhere than it was about to.
 fn drifts(i: u32, u: vec3f) -> bool {
     let most = DRIFT * contact_params.thickness;
-    if length(u - p_out[i].xyz) <= most {
-        return false;
+    if is_free() {
+        return length(u - p_out[i].xyz) > most;
     }
     let track = tracks[i];
     let strayed = (vertices[i].x.xyz - track.start.xyz) + (u - track.by.xyz * contact_state.status.since);
-    return is_free() || length(strayed) > track.start.w + most;
+    return length(strayed) > track.start.w + most;
 }
 
 // Removes from the displacement of a vertex what leads it beyond planes, so that it can be truncated once more.
