@@ -272,6 +272,37 @@ fn what_outruns_the_substeps_is_warned_of() {
     }
 }
 
+/// Cloth that is thrown at what stands still is no better off than cloth that stands still and is hit as fast: with contact and few
+/// substeps both let it sink in and say so, and by default both take the substeps that it needs, from the first step on.
+#[test]
+fn what_is_thrown_outruns_contact_as_what_is_hit_does() {
+    let mesh = Mesh::grid(31, 31, 1.0, 1.0);
+    let hit = |quality: Quality, flies: bool| {
+        let options = Options { backend: Backend::Cpu, quality, contact: Some(Contact::default()), ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let by = if flies { (-20.0, 0.0) } else { (0.0, 20.0) };
+        cloth.set_state(&mesh.positions, &vec![Vec3::Y * by.0; mesh.positions.len()]).unwrap();
+        let ball = |frame: u8| vec![Collider::sphere(Vec3::Y * (by.1 * f32::from(frame) / 60.0 - 0.3), 0.2)];
+        cloth.place_colliders(&ball(0)).unwrap();
+        let mut told = 0;
+        let depths = (1..=6).map(|frame| {
+            let scene = Attributes { colliders: ball(frame), gravity: Vec3::ZERO, ..Attributes::default() };
+            let warnings = cloth.step(FRAME, &scene).unwrap().warnings;
+            told += warnings.iter().filter(|warning| matches!(warning, Warning::ColliderOutruns { collider: 0, .. })).count();
+            cloth.measure().unwrap().penetration
+        });
+        (depths.fold(0.0, f32::max), told)
+    };
+    for quality in [Quality::Substeps(5), Quality::default()] {
+        let [(thrown, told), (hit, told_of_hit)] = [true, false].map(|flies| hit(quality, flies));
+        println!("{quality:?}: {thrown} m deep, told {told} times; hit, {hit} m and {told_of_hit}");
+        match quality {
+            Quality::Substeps(_) => assert!(thrown > 0.02 && hit > 0.02 && told >= 2 && told_of_hit >= 2, "{told}, {told_of_hit}"),
+            _ => assert!(thrown < 5e-3 && hit < 5e-3, "{thrown} and {hit} m deep"),
+        }
+    }
+}
+
 /// With contact, layers of cloth follow a collider by about the thickness in a substep. One that is faster sinks into them, and the
 /// step says so, though a single layer gives way in time.
 #[test]

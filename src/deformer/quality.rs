@@ -57,9 +57,11 @@ impl Deformer {
         StrainBound::of(self.options.quality).filter(|_| self.options.method == Method::SmallSteps)
     }
 
-    /// Whether a step under these attributes needs statistics. Those of contact with meshes tell whether they come near the cloth.
+    /// Whether a step under these attributes needs statistics. Those of contact with meshes tell whether they come near the cloth,
+    /// and those of cloth that is free to fly whether it outruns contact.
     pub(super) fn is_observed(&self, attributes: &Attributes) -> bool {
-        self.strain_bound().is_some() || self.options.sleep.is_some() || mesh_colliders(attributes).next().is_some()
+        let flies_at_them = self.options.contact.is_some() && !self.cloth.has_pins() && !attributes.colliders.is_empty();
+        self.strain_bound().is_some() || self.options.sleep.is_some() || flies_at_them || mesh_colliders(attributes).next().is_some()
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).

@@ -46,7 +46,7 @@ impl fmt::Display for Warning {
             Warning::ColliderOutruns { collider, speed, carried } => {
                 write!(
                     f,
-                    "collider {collider} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps"
+                    "collider {collider} and the cloth meet at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps"
                 )
             }
             Warning::ContactOutruns { speed, resolved } => {

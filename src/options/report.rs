@@ -11,8 +11,8 @@ pub struct StepReport {
     pub in_a_sixtieth: u32,
     /// Coarse levels used in each substep.
     pub levels: u32,
-    /// How the cloth was stretched, measured if the quality bounds the strain, the cloth may sleep, or there are mesh
-    /// colliders, otherwise `None`.
+    /// How the cloth was stretched, measured if the quality bounds the strain, the cloth may sleep, there are mesh colliders, or
+    /// cloth with contact and without pins may fly at others, otherwise `None`.
     /// On the GPU the measurement is three steps old, and `None` in the first steps, unless there is contact of triangles.
     pub stretch: Option<Stretch>,
     /// The cloth slept through the step and did not change: see [`Options::sleep`](crate::Options::sleep).
@@ -137,7 +137,7 @@ pub enum Warning {
     ColliderOutruns {
         /// Its position in the list [`Attributes::colliders`](crate::Attributes::colliders).
         collider: usize,
-        /// Its speed (m/s), relative to the mean of the pins, or to cloth without any, where that is slower.
+        /// Its speed (m/s), relative to the mean of the pins where that is slower, and to the course of cloth without any.
         speed: f32,
         /// The highest speed (m/s) that the substeps can carry: one edge length, or one thickness, per substep.
         carried: f32,

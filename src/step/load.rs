@@ -40,12 +40,10 @@ recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pr
 pub(crate) struct Fastest {
     /// Of the pins, relative to their mean velocity in the last step if the cloth goes along with that.
     pub pin: (usize, f64),
-    /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins, or to the
-    /// course of cloth without any, where that is slower.
+    /// Of the colliders that may touch the cloth, and of those among them that are no mesh; relative to the pins where that is
+    /// slower, and to the course of cloth without any.
     pub collider: (usize, f64),
     pub solid: (usize, f64),
-    /// The largest speed (m/s) at which the cloth, on its course, and a collider that it may touch move relative to each other.
-    pub meets: f64,
     /// The speeds (m/s) of the fastest pin, and of the fastest collider anywhere.
     pub any_pin: f64,
     pub any_collider: f64,
@@ -78,14 +76,10 @@ impl Fastest {
             fastest.any_collider = fastest.any_collider.max(way / dt);
             // What goes along with the cloth, like the body of a runner in his cape, does not run into it.
             let relative = if drift == Vec3::ZERO { way } else { travel(&now.shape, &last.shape, drift) };
-            let speed = way.min(relative) / dt;
-            // Pins hold the cloth back from what is still; without any it may run into that, if it is known to be near.
-            let (meets, reach) = match seen {
-                Some(_) if !cloth.has_pins() => (relative / dt, way.max(relative)),
-                _ => (speed, way),
-            };
-            if (speed > fastest.solid.1 || meets > fastest.meets) && is_near(cloth, now, reach, dt, seen) {
-                fastest.meets = fastest.meets.max(meets);
+            // Pins hold the cloth back from what is still; without any it runs into that on its course.
+            let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, way.max(relative)) };
+            let speed = speed / dt;
+            if speed > fastest.solid.1 && is_near(cloth, now, reach, dt, seen) {
                 faster(&mut fastest.collider, index, speed);
                 if !matches!(now.shape, Shape::Mesh { .. }) {
                     faster(&mut fastest.solid, index, speed);
@@ -146,7 +140,7 @@ impl Load {
             gravity: attributes.gravity.as_dvec3().length(),
             pins: pin_acceleration(cloth, motion, attributes, dt),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
-            collider_speed: fastest.meets,
+            collider_speed: fastest.collider.1,
             pressure,
             lasting_pressure: pressure.min(pressure_of(attributes, attributes.wind - motion.last_drift(cloth))),
             kinematic_speed: if has_contact { kinematic_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },

@@ -47,7 +47,7 @@ impl Folded {
         // It is compressed, so that neighbors in flat cloth are in reach of each other too, which only normals rule out.
         let u: Vec<Vec4> = x.iter().map(|x| Vec4::new(0.0, -1e-4, -0.016 * x.z, 0.0)).collect();
         let mut paths = Paths { margin: surface.max_margin.clone(), ahead: 12.0, ..Paths::default() };
-        paths.begin(&x, &u, std::iter::empty());
+        paths.begin(&x, &u, &[], &surface);
         let (detection, lists) = Default::default();
         let mut folded = Folded { surface, trees, paths, detection, lists };
         folded.detect(None);
@@ -113,7 +113,8 @@ fn around_vertices_with_new_paths_all_pairs_are_listed() {
             u[vertex as usize] += Vec3A::new(shift(), shift(), shift()).extend(0.0) * 0.05;
         }
         let path = Path { x: &x, u: &u, margin: &[], workers: Workers::ALONE };
-        folded.paths.restart(&around, path, &folded.surface, 0.1 * THICKNESS, false);
+        let unpressed = vec![false; x.len()];
+        folded.paths.restart(&around, path, &unpressed, &folded.surface, 0.1 * THICKNESS, false);
         let before = folded.listed();
         folded.detect(Some(&around));
         let (surface, trees) = trees(&cloth, &body);

@@ -5,7 +5,6 @@ use glam::{Vec3A, Vec4};
 
 use super::DetectionInput;
 use super::paths::Paths;
-use super::rows::Rows;
 use super::tree::DetectionScope;
 use crate::contact::TriangleContact;
 use crate::contact::crossings::ignored::IgnoredPairs;
@@ -74,7 +73,8 @@ impl TriangleContact {
             paths.margin[bodies.first..].fill(0.0);
         }
         self.contacts.store_multipliers(lists, path.workers);
-        paths.begin(path.x, path.u, lists.iter().flat_map(Rows::pressed));
+        detection.mark_pressed(lists, path.x);
+        paths.begin(path.x, path.u, &detection.pressed, surface);
         if std::mem::take(&mut self.may_cross) {
             self.ignored.find(surface, path.x);
         } else {
@@ -93,7 +93,9 @@ impl TriangleContact {
         if !detection.is_fitted {
             detection.fit(detection_input(surface, false, paths, path.workers, width), [of_cloth, of_bodies]);
         }
-        paths.restart(strayed, path, surface, MIN_MARGIN * surface.thickness, floats);
+        self.contacts.store_multipliers(lists, path.workers);
+        detection.mark_pressed(lists, path.x);
+        paths.restart(strayed, path, &detection.pressed, surface, MIN_MARGIN * surface.thickness, floats);
         bodies.are_known &= bodies.are_still;
         let input = detection_input(surface, false, paths, path.workers, width);
         detection.run_around(input, strayed, [of_cloth, of_bodies], lists)

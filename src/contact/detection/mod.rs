@@ -72,6 +72,8 @@ pub(crate) struct Detection {
     /// The vertices that get new paths, and the pairs that were added to a list already.
     pub strayed: Vec<u32>,
     added: Vec<[u32; 2]>,
+    /// Whether each vertex is a free one of a pair that presses.
+    pub pressed: Vec<bool>,
     /// Whether the bounds belong to the paths.
     pub is_fitted: bool,
 }
@@ -105,6 +107,14 @@ impl Detection {
             lists.fill(rows[kind], ranges[kind], found, &mut self.before, input.path.workers);
         }
         Ok(())
+    }
+
+    /// Finds out which vertices belong to pairs that press.
+    pub(crate) fn mark_pressed(&mut self, lists: &[Rows; 2], x: &[Vec4]) {
+        self.pressed.clear();
+        self.pressed.resize(x.len(), false);
+        let vertices = lists.iter().flat_map(Rows::pressed).map(|vertex| vertex as usize);
+        vertices.filter(|&vertex| x[vertex].w > 0.0).for_each(|vertex| self.pressed[vertex] = true);
     }
 
     /// Lists more pairs, after the vertices that `strayed` got new paths.

@@ -120,15 +120,23 @@ impl Paths {
         strayed.len() <= most
     }
 
-    /// Starts new paths for some vertices, as if they had been on them since the last detection.
-    pub(crate) fn restart(&mut self, vertices: &[u32], path: Path<'_>, surface: &Surface, least: f32, floats: bool) {
+    /// Starts new paths for some vertices, as if they had been on them since the last detection; `pressed` as in [`Paths::begin`].
+    pub(crate) fn restart(
+        &mut self,
+        vertices: &[u32],
+        path: Path<'_>,
+        pressed: &[bool],
+        surface: &Surface,
+        least: f32,
+        floats: bool,
+    ) {
         let [common, rate] = self.common(path, floats);
         let steps = self.since.map_or(0.0, |since| since + 1.0);
         self.renewed += vertices.len() as u32;
         for vertex in vertices.iter().map(|&vertex| vertex as usize) {
             let (x, u, most) = (xyz(path.x[vertex]), xyz(path.u[vertex]), surface.max_margin[vertex]);
             let margin = (LONGER * self.margin[vertex]).clamp(least.min(most), most);
-            let by = u - rate;
+            let by = if pressed[vertex] { self.led_on(vertex, x, u, margin) } else { u } - rate;
             self.from[vertex] = (x + u - by * steps - common).extend(self.from[vertex].w);
             self.by[vertex] = by.extend(inverse(margin));
             self.margin[vertex] = margin;
@@ -187,21 +195,35 @@ impl Paths {
         self.ahead = ahead_after(self.since, self.ahead, is_long);
     }
 
-    /// Starts new paths. Vertices that are pressed against something are about to move into it in every substep, and do not.
-    /// Therefore their paths lead on as they have moved on average since the last detection, as far as margins allow.
-    pub(crate) fn begin(&mut self, x: &[Vec4], u: &[Vec4], pressed: impl Iterator<Item = u32>) {
-        self.by.clear();
-        self.by.extend(u.iter().zip(&self.margin).map(|(u, &margin)| u.with_w(inverse(margin))));
-        if let Some(since) = self.since.filter(|&since| since > 0.0 && self.from.len() == x.len()) {
-            for vertex in pressed.map(|vertex| vertex as usize).filter(|&vertex| x[vertex].w > 0.0) {
-                let (u, mean) = (xyz(u[vertex]), (xyz(x[vertex]) - xyz(self.from[vertex])) / since);
-                let by = u + (mean - u).clamp_length_max(ASIDE * self.margin[vertex]);
-                self.by[vertex] = by.extend(self.by[vertex].w);
-            }
+    /// Starts new paths. Vertices that are `pressed` against something are about to move into it in every substep, and do not.
+    /// Therefore their paths lead on as they have moved on average, and their margins cover the difference, as far as the surface
+    /// allows.
+    pub(crate) fn begin(&mut self, x: &[Vec4], u: &[Vec4], pressed: &[bool], surface: &Surface) {
+        let mut by = std::mem::take(&mut self.by);
+        by.clear();
+        by.extend(u.iter().zip(&self.margin).map(|(u, &margin)| u.with_w(inverse(margin))));
+        let is_known = self.from.len() == x.len();
+        for vertex in pressed.iter().enumerate().filter_map(|(vertex, &is)| (is && is_known).then_some(vertex)) {
+            let (x, u) = (xyz(x[vertex]), xyz(u[vertex]));
+            let aside = (self.mean_motion(vertex, x, u) - u).length();
+            let margin = self.margin[vertex].max(LONGER * aside).min(surface.max_margin[vertex]);
+            (self.margin[vertex], by[vertex]) = (margin, self.led_on(vertex, x, u, margin).extend(inverse(margin)));
         }
+        self.by = by;
         self.from.clear();
         self.from.extend_from_slice(x);
         (self.since, self.renewed) = (Some(0.0), 0);
+    }
+
+    /// The displacement per substep (m) with which a vertex has moved on average since its path began; `u` if that began just now.
+    fn mean_motion(&self, vertex: usize, x: Vec3A, u: Vec3A) -> Vec3A {
+        let since = self.since.filter(|&since| since > 0.0);
+        since.map_or(u, |since| (x - xyz(self.from[vertex])) / since)
+    }
+
+    /// The same, but no farther from `u` than a path may lead with this margin.
+    fn led_on(&self, vertex: usize, x: Vec3A, u: Vec3A, margin: f32) -> Vec3A {
+        u + (self.mean_motion(vertex, x, u) - u).clamp_length_max(ASIDE * margin)
     }
 }
 
