@@ -297,7 +297,9 @@ fn what_is_thrown_outruns_contact_as_what_is_hit_does() {
         let [(thrown, told), (hit, told_of_hit)] = [true, false].map(|flies| hit(quality, flies));
         println!("{quality:?}: {thrown} m deep, told {told} times; hit, {hit} m and {told_of_hit}");
         match quality {
-            Quality::Substeps(_) => assert!(thrown > 0.02 && hit > 0.02 && told >= 2 && told_of_hit >= 2, "{told}, {told_of_hit}"),
+            Quality::Substeps(_) => {
+                assert!(thrown > 0.02 && hit > 0.02 && told >= 2 && told_of_hit >= 2, "{told}, {told_of_hit}")
+            }
             _ => assert!(thrown < 5e-3 && hit < 5e-3, "{thrown} and {hit} m deep"),
         }
     }

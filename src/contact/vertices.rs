@@ -6,7 +6,8 @@ use glam::Vec4;
 
 use super::input::Vertex;
 use super::surface::lanes::store;
-use crate::kernels::contact::{Clear, contact_bodies, contact_body};
+use crate::kernels::contact::near::NearBodies;
+use crate::kernels::contact::{contact_bodies, contact_body};
 use crate::kernels::params::Substep;
 use crate::simd::{Loop, MAX_LANES, Registers, load_vectors, store_vectors};
 use crate::step::plan::Plan;
@@ -26,13 +27,14 @@ impl Loop for PushOut<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let PushOut { plan, substep, x, u, push, most } = self;
+        let near = near(plan, substep, x, u);
         let zero = L::splat(0.0);
         let mut farthest = zero;
         let groups = x.chunks(L::LANES).zip(u.chunks_mut(L::LANES)).zip(push.chunks_mut(L::LANES));
         for ((x, u), push) in groups {
             let (at, by) = (load_vectors::<L>(x), load_vectors::<L>(u));
             let (from, is_free, by) = (L::transpose(at), zero.lt(L::fourth(at)), L::transpose(by));
-            let Some((at, by)) = contact_bodies(from, by, is_free, plan.bodies, substep, &plan.params) else { continue };
+            let Some((at, by)) = contact_bodies(from, by, is_free, &near, substep, &plan.params) else { continue };
             store_vectors(L::vectors(by), u);
             let way = at - from;
             let square = way.dot(way);
@@ -48,6 +50,12 @@ impl Loop for PushOut<'_> {
     }
 }
 
+/// The bodies near some vertices.
+fn near<'a>(plan: &Plan<'a>, substep: &Substep, x: &[Vec4], u: &[Vec4]) -> NearBodies<'a> {
+    let state = x.iter().zip(u).map(|(x, u)| [*x, *u]);
+    NearBodies::of(plan.bodies, plan.clear_in_step, substep, &plan.params, state)
+}
+
 /// Keeps vertices that pairs act on out of the colliders, as far as it changes their displacements.
 pub(super) struct Collide<'a> {
     pub plan: &'a Plan<'a>,
@@ -61,8 +69,7 @@ impl Loop for Collide<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let Collide { plan, substep, vertices, x, u } = self;
-        for body in plan.bodies {
-            let clear = Clear::of(body, substep, plan.params.fraction);
+        for (body, clear) in near(plan, substep, x, u).iter(substep, &plan.params) {
             let groups = x.chunks(L::LANES).zip(u.chunks_mut(L::LANES)).zip(vertices.chunks(L::LANES));
             for ((x, u), vertices) in groups {
                 if !vertices.iter().any(Vertex::acts) {

@@ -9,6 +9,7 @@ use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::cpu::watch::VertexWatch;
 use crate::kernels::contact::contact_bodies;
+use crate::kernels::contact::near::NearBodies;
 use crate::kernels::integrate::{predict_displacement, xyz};
 use crate::kernels::params::Substep;
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width, load_vectors, store_vectors};
@@ -57,8 +58,11 @@ impl Integrator<'_> {
     /// Resolves collisions of some vertices, moves them, and does what `after` says.
     pub(crate) fn advance(&self, task: &Task, ranges: &[Range<u32>], substep: &Substep, after: AfterMove<'_>) {
         let (x, u) = (self.x.within(task), self.u.within(task));
+        let Plan { bodies, clear_in_step, params, .. } = self.plan;
+        let state = ranges.iter().flat_map(range).map(|vertex| [x.get(vertex), u.get(vertex)]);
+        let near = &NearBodies::of(bodies, clear_in_step, substep, params, state);
         for vertices in ranges {
-            simd::run(self.width, Advance { integrator: self, x, u, vertices: range(vertices), substep, after });
+            simd::run(self.width, Advance { integrator: self, near, x, u, vertices: range(vertices), substep, after });
         }
     }
 
@@ -118,6 +122,7 @@ impl Loop for Fall<'_> {
 /// Resolves collisions, moves vertices, and predicts or checks.
 struct Advance<'a> {
     integrator: &'a Integrator<'a>,
+    near: &'a NearBodies<'a>,
     x: View<'a>,
     u: View<'a>,
     vertices: Range<usize>,
@@ -205,7 +210,7 @@ impl Advance<'_> {
         let plan = self.integrator.plan;
         let is_free = L::splat(0.0).lt(L::fourth(*x));
         let (at, by) = (L::transpose(*x), L::transpose(*u));
-        let Some((at, by)) = contact_bodies(at, by, is_free, plan.bodies, self.substep, &plan.params) else { return };
+        let Some((at, by)) = contact_bodies(at, by, is_free, self.near, self.substep, &plan.params) else { return };
         let fourth = L::splat(0.0).lt(L::repeat(Vec4::W));
         let (at, by) = (L::vectors(at), L::vectors(by));
         for k in 0..4 {

@@ -61,7 +61,10 @@ impl Deformer {
     /// and those of cloth that is free to fly whether it outruns contact.
     pub(super) fn is_observed(&self, attributes: &Attributes) -> bool {
         let flies_at_them = self.options.contact.is_some() && !self.cloth.has_pins() && !attributes.colliders.is_empty();
-        self.strain_bound().is_some() || self.options.sleep.is_some() || flies_at_them || mesh_colliders(attributes).next().is_some()
+        self.strain_bound().is_some()
+            || self.options.sleep.is_some()
+            || flies_at_them
+            || mesh_colliders(attributes).next().is_some()
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).

@@ -3,12 +3,14 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
 
+use near::NearBodies;
 use rounded_box::contact_box;
 
 use super::distance::MIN_LENGTH;
 use super::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
 
+pub(crate) mod near;
 mod rounded_box;
 
 /// A collider during one step, in local coordinates.
@@ -64,13 +66,13 @@ pub(crate) fn contact_bodies<L: Lanes>(
     x: Vector<L>,
     u: Vector<L>,
     is_free: L::Mask,
-    bodies: &[Body],
+    near: &NearBodies<'_>,
     substep: &Substep,
     params: &Params,
 ) -> Option<(Vector<L>, Vector<L>)> {
     let (mut at, mut by, mut is_clear) = (x, u, true);
-    for body in bodies {
-        if L::all(Clear::of(body, substep, params.fraction).of_vertices(at, by)) {
+    for (body, clear) in near.iter(substep, params) {
+        if L::all(clear.of_vertices(at, by)) {
             continue;
         }
         let (out, held) = contact_body(at, by, body, substep, params);
@@ -271,63 +273,6 @@ fn swept<L: Lanes>(x: Vector<L>, du: Vector<L>, travel: L, is_fast: L::Mask, sur
 #[inline(always)]
 fn splat<L: Lanes>(v: Vec3A) -> Vector<L> {
     Vector::splat(v.to_array())
-}
-
-/// A cheap conservative test: where vertices cannot touch a body in a substep.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Clear {
-    /// Vertices that move by less than this (m) cannot touch the body if they begin outside `reach`.
-    travel: f32,
-    /// Center of the bounding sphere; for a plane, a point of it.
-    center: Vec3A,
-    /// Radius of the bounding sphere (m).
-    reach: f32,
-    /// Normal of a plane and its displacement (m), none for other bodies.
-    normal: Option<(Vec3A, Vec3A)>,
-}
-
-impl Clear {
-    pub(crate) fn of(body: &Body, substep: &Substep, fraction: f32) -> Clear {
-        let (a_travel, b_travel) = (Vec3A::from(body.a_travel), Vec3A::from(body.b_travel));
-        let a = Vec3A::from(body.a) + a_travel * substep.start;
-        let radius = body.radius.abs() + body.radius_travel.abs();
-        if body.kind == PLANE {
-            let step = a_travel * fraction;
-            return Clear { travel: f32::INFINITY, center: a, reach: 0.0, normal: Some((Vec3A::from(body.b), step)) };
-        }
-        if body.kind == BOX {
-            let radius = (Vec3A::from(body.b) + b_travel.max(Vec3A::ZERO)).length() + radius;
-            let travel = 0.25 * radius;
-            let reach = 1.01 * (radius + travel + a_travel.length() * fraction);
-            return Clear { travel, center: a, reach, normal: None };
-        }
-        let radius = radius + (body.c[0] + body.c_travel[0].max(0.0)).max(0.0);
-        let b = Vec3A::from(body.b) + b_travel * substep.start;
-        let travel = 0.25 * radius;
-        let step = a_travel.length().max(b_travel.length()) * fraction;
-        // The factor 1.01 covers rounding errors, here and in the collision itself.
-        let reach = 1.01 * (0.5 * (b - a).length() + radius + travel + step);
-        Clear { travel, center: (a + b) * 0.5, reach, normal: None }
-    }
-
-    /// A mask of the vertices at `x` (m), moving by `u` (m), that surely do not touch the body.
-    #[inline(always)]
-    pub(crate) fn of_vertices<L: Lanes>(&self, x: Vector<L>, u: Vector<L>) -> L::Mask {
-        let from = x - Vector::splat(self.center.to_array());
-        let slow = u.dot(u).lt(L::splat(self.travel * self.travel));
-        let square = from.dot(from);
-        let outside = match self.normal {
-            None => L::splat(self.reach * self.reach).lt(square),
-            // The height afterwards, where it is not a rounding error.
-            Some((normal, step)) => {
-                let by = u - Vector::splat(step.to_array());
-                let height = (from + by).dot(Vector::splat(normal.to_array()));
-                let sure = ((square + by.dot(by)) * L::splat(1e-8)).lt(height * height);
-                L::and(sure, L::splat(0.0).lt(height))
-            }
-        };
-        L::and(slow, outside)
-    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use glam::Vec3;
 
 use crate::attributes::{Attributes, Shape};
 use crate::kernels::contact::Body;
+use crate::kernels::contact::near::Clear;
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{Params, Substep};
 use crate::kernels::statistics::StrainGauge;
@@ -39,6 +40,7 @@ pub(crate) struct PlanBuffers {
     substeps: Vec<Substep>,
     /// Colliders, followed by the anchors of tethers.
     bodies: Vec<Body>,
+    clear_in_step: Vec<Clear>,
     meshes: Vec<MeshBody>,
     pins: Vec<Pin>,
 }
@@ -61,6 +63,8 @@ pub(crate) struct Plan<'a> {
     pub params: Params,
     pub substeps: &'a [Substep],
     pub bodies: &'a [Body],
+    /// Where each of them cannot be touched in the step.
+    pub clear_in_step: &'a [Clear],
     /// `bodies` followed by `anchors`.
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only the GPU has them in one list"))]
     pub bodies_and_anchors: &'a [Body],
@@ -160,6 +164,8 @@ impl PlanBuffers {
                 self.bodies.push(moving(now, last, inputs.cloth));
             }
         }
+        self.clear_in_step.clear();
+        self.clear_in_step.extend(self.bodies.iter().map(Clear::in_step));
     }
 
     /// Adds the pins that tethers are attached to, if tethers are in use, to the colliders.
@@ -205,6 +211,7 @@ impl<'a> Plan<'a> {
             params,
             substeps: &buffers.substeps,
             bodies,
+            clear_in_step: &buffers.clear_in_step,
             bodies_and_anchors: &buffers.bodies,
             anchors,
             meshes: &buffers.meshes,

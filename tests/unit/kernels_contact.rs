@@ -1,8 +1,10 @@
 //! Collisions of vertices, compared with the bodies' distance functions.
 
-use glam::{DQuat, DVec3, Quat, Vec3, Vec3A};
+use glam::{DQuat, DVec3, Quat, Vec3, Vec3A, Vec4};
 
+use super::near::Clear;
 use super::*;
+use crate::kernels::integrate::xyz;
 use crate::oracle::{ball_chain_distance, box_distance};
 
 /// Random frictionless bodies with their distance functions: rotating, growing boxes, and the hulls of two growing
@@ -139,4 +141,38 @@ fn what_is_told_to_be_clear_is_clear() {
         }
     }
     assert!(clear > 500 && near > 50, "{clear} of 2800 are clear, {near} of them near");
+}
+
+/// Vertices that move together are tested against the bodies near them only, and end where all bodies, one after the other, let
+/// them, in every substep, also among more bodies than are kept in mind.
+#[test]
+fn far_bodies_are_left_out_and_near_ones_are_not() {
+    let mut random = fastrand::Rng::with_seed(11);
+    let (mut met, mut left_out, mut overflows) = (0, 0, 0);
+    for round in 0..300 {
+        let mut all: Vec<Body> = (0..random.usize(0..40)).map(|_| bodies(&mut random).0).collect();
+        for body in all.iter_mut().filter(|body| Vec3::from(body.a).x > 0.9) {
+            (body.kind, body.b) = (PLANE, Vec3::from(body.b).normalize().to_array());
+        }
+        let in_step: Vec<Clear> = all.iter().map(Clear::in_step).collect();
+        let start = random.f32() * 0.9;
+        let substep = Substep { start, ..Substep::default() };
+        let params = Params { h: 1.0 / 600.0, fraction: 0.1, ..Params::default() };
+        let mut vector = |size: f32| Vec3A::new(random.f32() - 0.5, random.f32() - 0.5, random.f32() - 0.5) * 2.0 * size;
+        let (center, course) = (vector(1.5), vector(0.02));
+        let extent = if round % 10 == 0 { 2.0 } else { 0.1 };
+        let state: Vec<[Vec4; 2]> =
+            (0..20).map(|_| [(center + vector(extent)).extend(1.0), (course + vector(0.005)).extend(0.0)]).collect();
+        let near = NearBodies::of(&all, &in_step, &substep, &params, state.iter().copied());
+        let kept = near.iter(&substep, &params).count();
+        left_out += all.len() - kept;
+        overflows += usize::from(kept > 16);
+        for [x, u] in state.iter().map(|state| state.map(xyz)) {
+            let one_by_one = all.iter().fold((x, u), |(x, u), body| contact_one(x, u, body, &substep, &params));
+            let (at, by) = contact_bodies(lane(x), lane(u), true, &near, &substep, &params).unwrap_or((lane(x), lane(u)));
+            assert_eq!(([at.x, at.y, at.z], [by.x, by.y, by.z]), (one_by_one.0.to_array(), one_by_one.1.to_array()));
+            met += usize::from(one_by_one != (x, u));
+        }
+    }
+    assert!(met > 500 && left_out > 1000 && overflows > 5, "{met} vertices met bodies, {left_out} were left out, {overflows}");
 }
