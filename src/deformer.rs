@@ -347,7 +347,7 @@ impl Deformer {
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
-        (self.motion.dt, self.motion.h) = (dt, dt / substeps as f32);
+        (self.motion.dt, self.motion.h, self.motion.placed) = (dt, dt / substeps as f32, None);
         self.motion.colliders.clone_from(&attributes.colliders);
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.gravity = attributes.gravity;

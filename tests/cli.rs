@@ -474,6 +474,26 @@ fn seams_that_do_not_join_are_told_of() {
     assert!(!joined.contains("vertices lie"), "{joined}");
 }
 
+/// Far from the origin single precision rounds vertices onto each other, which merging them would not mend.
+#[test]
+fn what_the_distance_rounds_is_told_of() {
+    let directory = TempDir::new().unwrap();
+    let run_at = |far: u32| {
+        let vertices: String = (0..20)
+            .map(|row| format!("v {far}.0 0 {}\nv {far}.2 0 {}\n", 0.01 * f64::from(row), 0.01 * f64::from(row)))
+            .collect();
+        let faces: String =
+            (1..20).map(|row| format!("f {} {} {} {}\n", 2 * row - 1, 2 * row, 2 * row + 2, 2 * row + 1)).collect();
+        fs::write(directory.path().join("far.obj"), vertices + &faces).unwrap();
+        let output = drape(&directory, &["far.obj", "--frames", "1"]).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        stderr(&output)
+    };
+    let (near, far) = (run_at(30), run_at(3_000_000));
+    assert!(!near.contains("from the origin"), "{near}");
+    assert!(far.contains("from the origin") && far.contains("rounded to 357.6 mm") && !far.contains("merge"), "{far}");
+}
+
 #[test]
 fn a_directory_that_cannot_be_made_is_refused() {
     let directory = TempDir::new().unwrap();

@@ -2,8 +2,10 @@
 
 mod common;
 
+use std::f64::consts::TAU;
+
 use cloth_deformer::glam::{DVec3, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality, Warning};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Options, Quality, Warning};
 use common::{FRAME, grid_masses, play};
 
 const VACUUM: Attributes = Attributes {
@@ -222,3 +224,51 @@ fn a_string_keeps_sounding() {
 }
 
 on_every_backend!(bending_keeps_the_momenta);
+
+/// A strip of 10 cm, clamped halfway between its first two columns, is let go in the shape of its first mode. Bending that is damped
+/// by the retardation time of the forecast takes `omega² tau/2` of its amplitude (1/s), with its own frequency, also where that time is shorter than the
+/// fabric's; what is left of the rate without damping is subtracted. A longer time than the forecast's then changes no bit.
+#[test]
+fn damping_is_as_large_as_the_forecast_says() {
+    let (bending, density, length) = (1e-4_f32, 0.4_f32, 0.1_f32);
+    let decay = |cells: u32, substeps: u32, damping: f32| {
+        let cell = length / cells as f32;
+        let (columns, rows) = (cells + 2, 2 * cells + 1);
+        let mesh = Mesh::grid(columns, rows, cell * (cells + 1) as f32, cell * (2 * cells) as f32);
+        let pinned = (0..rows).flat_map(|row| [row * columns, row * columns + 1]).collect();
+        let fabric = Fabric { density, stretch: 5000.0, bending, damping };
+        let (quality, levels) = (Quality::Substeps(substeps), Levels::Off);
+        let options = Options { backend: Backend::Cpu, fabric, quality, levels, pinned, ..Options::default() };
+        let mut strip = Deformer::new(&mesh, options).unwrap();
+        let clamp = mesh.positions[1].x - 0.5 * cell;
+        let bent = |x: &Vec3| {
+            let s = ((x.x - clamp) / (length + 0.5 * cell)).max(0.0);
+            x.with_y(0.002 / 3.0 * s * s * (6.0 - 4.0 * s + s * s) * f32::from(x.x > mesh.positions[1].x))
+        };
+        strip.set_state(&mesh.positions.iter().map(bent).collect::<Vec<_>>(), &vec![Vec3::ZERO; mesh.positions.len()]).unwrap();
+        let forecast = strip.forecast(FRAME / 4.0, &VACUUM).unwrap().damping;
+        let tips: Vec<f64> = (0..960)
+            .map(|_| {
+                strip.step(FRAME / 4.0, &VACUUM).unwrap();
+                let x = strip.positions().unwrap();
+                (1..=rows).map(|row| f64::from(x[(row * columns) as usize - 1].y)).sum::<f64>() / f64::from(rows)
+            })
+            .collect();
+        let peak = |second: usize| tips[240 * second..240 * (second + 1)].iter().fold(0.0, |most: f64, tip| most.max(tip.abs()));
+        // In the first second, shorter waves die away.
+        (0.5 * (peak(1) / peak(3)).ln(), f64::from(forecast), tips)
+    };
+    for (cells, substeps, damping) in [(5, 200, 0.03), (5, 20, 0.03), (10, 200, 0.03)] {
+        let (undamped, none, swing) = decay(cells, substeps, 0.0);
+        let (rate, tau, tips) = decay(cells, substeps, damping);
+        let zeros: Vec<usize> = (1..swing.len()).filter(|&at| swing[at - 1] * swing[at] < 0.0).collect();
+        let period = 2.0 / 240.0 * (zeros[zeros.len() - 1] - zeros[0]) as f64 / (zeros.len() - 1) as f64;
+        let exact = 0.5 * (TAU / period).powi(2) * tau;
+        println!("{cells} cells, {substeps} substeps: {tau} s, {} 1/s for {exact}", rate - undamped);
+        assert!(none == 0.0 && tau <= f64::from(damping));
+        assert!(((rate - undamped) / exact - 1.0).abs() < 0.3, "{} 1/s for {exact}", rate - undamped);
+        if tau < 0.9 * f64::from(damping) {
+            assert_eq!(decay(cells, substeps, 4.0 * damping).2, tips);
+        }
+    }
+}

@@ -298,7 +298,7 @@ fn what_is_thrown_outruns_contact_as_what_is_hit_does() {
         println!("{quality:?}: {thrown} m deep, told {told} times; hit, {hit} m and {told_of_hit}");
         match quality {
             Quality::Substeps(_) => {
-                assert!(thrown > 0.02 && hit > 0.02 && told >= 2 && told_of_hit >= 2, "{told}, {told_of_hit}")
+                assert!(thrown > 0.02 && hit > 0.02 && told >= 2 && told_of_hit >= 2, "{told}, {told_of_hit}");
             }
             _ => assert!(thrown < 5e-3 && hit < 5e-3, "{thrown} and {hit} m deep"),
         }

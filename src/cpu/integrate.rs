@@ -60,7 +60,8 @@ impl Integrator<'_> {
         let (x, u) = (self.x.within(task), self.u.within(task));
         let Plan { bodies, clear_in_step, params, .. } = self.plan;
         let state = ranges.iter().flat_map(range).map(|vertex| [x.get(vertex), u.get(vertex)]);
-        let near = &NearBodies::of(bodies, clear_in_step, substep, params, state);
+        let found = (!bodies.is_empty()).then(|| NearBodies::of(bodies, clear_in_step, substep, params, state));
+        let near = found.as_ref().unwrap_or(&NearBodies::NONE);
         for vertices in ranges {
             simd::run(self.width, Advance { integrator: self, near, x, u, vertices: range(vertices), substep, after });
         }

@@ -30,6 +30,9 @@ pub struct Forecast {
     /// no speed yet; when it swings through its lowest point it carries three times its static stress. 0 for springs,
     /// which stretch only as their stiffness says; NaN for relaxation, for which there is no law.
     pub strain: f32,
+    /// The retardation time (s) with which the step damps bending, the median of all vertices; at most
+    /// [`Fabric::damping`](crate::Fabric::damping), of which few substeps on a fine mesh apply only a part. 0 without bending.
+    pub damping: f32,
     /// The warnings that the step will return, except those of what shows only in its result: [`Warning::StrainMissed`],
     /// [`Warning::Crossings`] and [`Warning::BodyCrossings`].
     pub warnings: Vec<Warning>,
@@ -45,7 +48,7 @@ impl Deformer {
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
         let decision = self.decide(dt, attributes)?;
         let StepDecision { load, controller, division: Division { substeps, length }, levels, .. } = decision;
-        let limited = Coefficients::new(&self.cloth, &[], &self.options, length).bending.limited;
+        let bending = Coefficients::new(&self.cloth, &[], &self.options, length).bending;
         let strain = match self.options.method {
             Method::SmallSteps => controller.expected(&self.rates, &self.cloth, &load, length.longest_h),
             Method::Springs => 0.0,
@@ -53,9 +56,9 @@ impl Deformer {
         };
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
-        let warnings = self.warnings(&decision, limited);
-        let (resolving, strain) = (resolving as f32, strain as f32);
-        Ok(Forecast { substeps, levels, resolving, explicit, strain, warnings })
+        let warnings = self.warnings(&decision, bending.limited);
+        let (resolving, strain, damping) = (resolving as f32, strain as f32, bending.median_tau());
+        Ok(Forecast { substeps, levels, resolving, explicit, strain, damping, warnings })
     }
 
     /// Substeps per 1/60 s, at least 20, that resolve the stiffness as far as a resolution is visible: see

@@ -18,7 +18,7 @@ use crate::gpu::{BoundMesh, Surface};
 use crate::kernels::limits::is_bounded;
 use crate::model::mesh::edges;
 use crate::options::Crossing;
-use crate::step::motion::Motion;
+use crate::step::motion::{Motion, Placed};
 
 impl Deformer {
     /// Positions (m), one per vertex, in the mesh's order. Reads them back from the GPU if they changed.
@@ -122,6 +122,8 @@ impl Deformer {
             p.iter().zip(&cloth.rest).take(cloth.used).filter(|(_, rest)| rest.w > 0.0).map(|(p, _)| p.truncate().as_dvec3());
         let (sum, count) = free.fold((DVec3::ZERO, 0), |(sum, count), p| (sum + p, count + 1));
         self.motion.set_course((sum / f64::from(count.max(1))).as_vec3());
+        let fastest = p.iter().map(|p| p.length()).fold(0.0, f32::max);
+        self.motion.placed = self.motion.placed.map(|placed| Placed { fastest, ..placed });
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.flat_start = FlatStart::placed(x, &p, &self.cloth);

@@ -100,6 +100,13 @@ impl BendRows {
         let limited = if lost > LOST { bent().filter(|share| **share < 1.0).count() } else { 0 };
         BendRows { rows: rows.collect(), passes: if count > 1 { filter(count, h) } else { Vec::new() }, limited }
     }
+
+    /// The median of the retardation times (s) of the rows that bend; 0 if there are none.
+    pub(crate) fn median_tau(&self) -> f32 {
+        let mut tau: Vec<f32> = self.rows.iter().filter(|row| row.stiffness > 0.0).map(|row| row.tau).collect();
+        let middle = tau.len() / 2;
+        if tau.is_empty() { 0.0 } else { *tau.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    }
 }
 
 /// The fewest passes with which 95 % of the vertices that bend are stable.

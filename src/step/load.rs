@@ -79,7 +79,7 @@ impl Fastest {
             // Pins hold the cloth back from what is still; without any it runs into that on its course.
             let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, way.max(relative)) };
             let speed = speed / dt;
-            if speed > fastest.solid.1 && is_near(cloth, now, reach, dt, seen) {
+            if speed > fastest.solid.1 && is_near(cloth, motion, now, [reach, dt], seen) {
                 faster(&mut fastest.collider, index, speed);
                 if !matches!(now.shape, Shape::Mesh { .. }) {
                     faster(&mut fastest.solid, index, speed);
@@ -184,15 +184,19 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
 }
 
 /// Whether a collider may touch the cloth during a step of `dt` (s) in which it moves by `travel` (m), by itself or relative to
-/// the cloth's course, whichever is more. True if nothing is known about the cloth yet.
-fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, seen: Option<&Statistics>) -> bool {
-    seen.is_none_or(|seen| {
-        let reach = STEPS_AHEAD * (f64::from(f32::from_bits(seen.fastest)) * dt + travel);
-        let [low, high] = [seen.low, seen.high].map(unordered);
+/// the cloth's course, whichever is more. True if nothing is known about the cloth.
+fn is_near(cloth: &Cloth, motion: &Motion, collider: &Collider, [travel, dt]: [f64; 2], seen: Option<&Statistics>) -> bool {
+    let is_in_reach = |low: Vec3, high: Vec3, fastest: f32| {
+        let reach = STEPS_AHEAD * (f64::from(fastest) * dt + travel);
         // The vertices of meshes are not shifted by `relative_to`, so the box is compared in the caller's coordinates.
         let origin = if let Shape::Mesh { .. } = collider.shape { cloth.origin } else { Vec3::ZERO };
         f64::from(gap(&collider.relative_to(cloth.origin).shape, low + origin, high + origin)) <= reach
-    })
+    };
+    match (seen, &motion.placed) {
+        (Some(seen), _) => is_in_reach(unordered(seen.low), unordered(seen.high), f32::from_bits(seen.fastest)),
+        (None, Some(placed)) => is_in_reach(placed.low, placed.high, placed.fastest),
+        (None, None) => true,
+    }
 }
 
 /// Half the range of the velocities (m/s) of pins, of mesh colliders near the cloth, and of the cloth that nothing holds on these:
@@ -220,7 +224,7 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
                 let [alone, relative] = [Vec3::ZERO, course * dt].map(|by| travel(&now.shape, &last.shape, by));
                 alone.max(relative)
             };
-            let may_touch = seen.is_none() || is_near(cloth, now, way(), f64::from(dt), seen);
+            let may_touch = is_near(cloth, motion, now, [way(), f64::from(dt)], seen);
             may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,

@@ -8,6 +8,7 @@ use crate::attributes::{Collider, Shape, invalid};
 use crate::error::StepError;
 use crate::kernels::statistics::{Statistics, unordered};
 use crate::model::cloth::Cloth;
+use crate::model::mesh::bounds;
 use crate::record::recorded;
 
 /// What the next step must know about the last one.
@@ -25,9 +26,21 @@ pub(crate) struct Motion {
     pub pin_velocities: Vec<Vec3>,
     /// Velocity (m/s) at which the cloth moves as a whole, as far as statistics tell: see [`Motion::observe`].
     pub course: Vec3,
+    /// Where the cloth is, if its state was set and no step was taken since.
+    pub placed: Option<Placed>,
 }
 
-recorded!(Motion { dt, h, colliders, pins, pin_velocities, course });
+recorded!(Motion { dt, h, colliders, pins, pin_velocities, course, placed });
+
+/// The box around a state that was set (m, in local coordinates), and its fastest vertex (m/s).
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Placed {
+    pub low: Vec3,
+    pub high: Vec3,
+    pub fastest: f32,
+}
+
+recorded!(Placed { low, high, fastest });
 
 /// Cloth that moves no faster (m/s) than this as a whole counts as staying where it is.
 const LEAST_COURSE: f32 = 1.0;
@@ -36,7 +49,9 @@ impl Motion {
     /// After a state in the cloth's order, reached by substeps of `h` (s); 0 if the state was set.
     pub(crate) fn after(cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
         let pins = cloth.pinned.iter().map(|&vertex| x[vertex as usize].truncate()).collect();
-        Motion { h, pins, ..Motion::default() }
+        let [low, high] = bounds(x.iter().map(|x| x.truncate()));
+        let placed = (h == 0.0).then_some(Placed { low, high, fastest: 0.0 });
+        Motion { h, pins, placed, ..Motion::default() }
     }
 
     /// Pairs each collider with the one it moves from: itself if it is new, was teleported or has another kind of

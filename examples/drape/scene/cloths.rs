@@ -24,6 +24,8 @@ const MOST: u64 = 1 << 24;
 const FARTHEST: f32 = 1e15;
 /// A cloth of this size (m) is probably given in centimeters.
 const LARGE: f32 = 100.0;
+/// At this many of its sizes from the origin, the positions of a cloth are rounded to a thousandth of that size.
+const FAR: f32 = 1e4;
 
 /// All cloths of a run.
 pub(super) struct Cloths {
@@ -207,7 +209,8 @@ fn place(mesh: &mut Mesh, scale: Option<f32>, rotate: Option<Vec3>, at: Option<V
     }
 }
 
-/// Warns if a mesh is probably in other units, or in parts that were meant to be one.
+/// Warns if a mesh is probably in other units, too far away for its positions to tell its edges, or in parts that were meant to be
+/// one.
 fn doubt(name: &str, mesh: &Mesh) {
     let (low, high) = bounds(mesh);
     let extent = (high - low).max_element();
@@ -215,6 +218,15 @@ fn doubt(name: &str, mesh: &Mesh) {
         let message =
             format!("{name} is {extent} m across; if those are centimeters, scale it by 0.01 (`--scale`, or `scale` in a scene)");
         warn("warning", &message);
+    }
+    let far = low.abs().max(high.abs()).max_element();
+    if far > FAR * extent {
+        let message = format!(
+            "{name} is {extent} m across and up to {far} m from the origin, where its file's positions are rounded to {:.1} mm; move it nearer where it is exported",
+            1e3 * far * f32::EPSILON
+        );
+        warn("warning", &message);
+        return;
     }
     let (doubles, first) = doubles(mesh);
     if let Some([a, b]) = first {

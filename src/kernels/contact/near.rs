@@ -112,6 +112,10 @@ pub(crate) struct NearBodies<'a> {
 }
 
 impl<'a> NearBodies<'a> {
+    /// No bodies.
+    pub(crate) const NONE: NearBodies<'static> =
+        NearBodies { bodies: &[], first: [(0, Clear::NOWHERE); MOST], count: 0, rest: 0 };
+
     /// Of the bodies, of each of which `in_step` says where it cannot be touched in the step, those near vertices in some `state`:
     /// positions and displacements (m).
     pub(crate) fn of(
@@ -121,7 +125,7 @@ impl<'a> NearBodies<'a> {
         params: &Params,
         state: impl Iterator<Item = [Vec4; 2]>,
     ) -> NearBodies<'a> {
-        let mut near = NearBodies { bodies, first: [(0, Clear::NOWHERE); MOST], count: 0, rest: bodies.len() };
+        let mut near = NearBodies { bodies, rest: bodies.len(), ..NearBodies::NONE };
         let range = (bodies.len() > FEW).then(|| MotionRange::of(state));
         for (index, body) in bodies.iter().enumerate() {
             if range.is_some_and(|range| in_step[index].of_all(&range)) {
