@@ -479,12 +479,10 @@ fn seams_that_do_not_join_are_told_of() {
 fn what_the_distance_rounds_is_told_of() {
     let directory = TempDir::new().unwrap();
     let run_at = |far: u32| {
-        let vertices: String = (0..20)
-            .map(|row| format!("v {far}.0 0 {}\nv {far}.2 0 {}\n", 0.01 * f64::from(row), 0.01 * f64::from(row)))
-            .collect();
-        let faces: String =
-            (1..20).map(|row| format!("f {} {} {} {}\n", 2 * row - 1, 2 * row, 2 * row + 2, 2 * row + 1)).collect();
-        fs::write(directory.path().join("far.obj"), vertices + &faces).unwrap();
+        let vertices = (0..20).map(|row| format!("v {far}.0 0 0.{row:02}\nv {far}.2 0 0.{row:02}\n"));
+        let faces = (1..20).map(|row| format!("f {} {} {} {}\n", 2 * row - 1, 2 * row, 2 * row + 2, 2 * row + 1));
+        let lines: Vec<String> = vertices.chain(faces).collect();
+        fs::write(directory.path().join("far.obj"), lines.concat()).unwrap();
         let output = drape(&directory, &["far.obj", "--frames", "1"]).output().unwrap();
         assert!(output.status.success(), "{output:?}");
         stderr(&output)
