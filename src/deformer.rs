@@ -128,7 +128,7 @@ impl Deformer {
         let rates = Rates::new(&cloth, &options);
         let engine = Engine::new(&cloth, &options)?;
         engine.check(options.quality)?;
-        let motion = Motion::after(&cloth, &cloth.rest, 0.0);
+        let motion = Motion::placed(&cloth, &cloth.rest, &[]);
         let watch = Watch::new(&cloth, &options);
         let local = cloth.rest.clone();
         let flat_start = FlatStart::at_rest(&cloth);
@@ -365,7 +365,7 @@ impl Deformer {
     /// are forgotten: those of the next step have no velocity unless [`Deformer::place_colliders`] is called again. A lost GPU is
     /// not reported here, but by the next step or read.
     pub fn reset(&mut self) {
-        self.motion = Motion::after(&self.cloth, &self.cloth.rest, 0.0);
+        self.motion = Motion::placed(&self.cloth, &self.cloth.rest, &[]);
         self.watch = self.watch.placed(&self.cloth, &self.cloth.rest, &[]);
         self.gravity = Vec3::ZERO;
         self.forget();

@@ -69,7 +69,10 @@ impl Loop for Collide<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let Collide { plan, substep, vertices, x, u } = self;
-        for (body, clear) in near(plan, substep, x, u).iter(substep, &plan.params) {
+        let near = near(plan, substep, x, u);
+        let mut visit = near.visit(substep, &plan.params);
+        while let Some((body, clear)) = visit.next() {
+            let mut holds = true;
             let groups = x.chunks(L::LANES).zip(u.chunks_mut(L::LANES)).zip(vertices.chunks(L::LANES));
             for ((x, u), vertices) in groups {
                 if !vertices.iter().any(Vertex::acts) {
@@ -79,11 +82,16 @@ impl Loop for Collide<'_> {
                 if L::all(clear.of_vertices(at, by)) {
                     continue;
                 }
+                let (_, by) = contact_body(at, by, body, substep, &plan.params);
+                holds &= near.holds(at, by);
                 let mut held = [Vec4::ZERO; MAX_LANES];
-                store_vectors(L::vectors(contact_body(at, by, body, substep, &plan.params).1), &mut held);
+                store_vectors(L::vectors(by), &mut held);
                 for ((u, held), _) in u.iter_mut().zip(held).zip(vertices).filter(|(_, vertex)| vertex.acts()) {
                     *u = held;
                 }
+            }
+            if !holds {
+                visit.visit_all();
             }
         }
     }

@@ -30,7 +30,7 @@ pub struct Forecast {
     /// no speed yet; when it swings through its lowest point it carries three times its static stress. 0 for springs,
     /// which stretch only as their stiffness says; NaN for relaxation, for which there is no law.
     pub strain: f32,
-    /// The retardation time (s) with which the step damps bending, the median of all vertices; at most
+    /// The retardation time (s) with which the step damps bending, the median of the vertices that bend; at most
     /// [`Fabric::damping`](crate::Fabric::damping), of which few substeps on a fine mesh apply only a part. 0 without bending.
     pub damping: f32,
     /// The warnings that the step will return, except those of what shows only in its result: [`Warning::StrainMissed`],

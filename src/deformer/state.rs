@@ -18,7 +18,7 @@ use crate::gpu::{BoundMesh, Surface};
 use crate::kernels::limits::is_bounded;
 use crate::model::mesh::edges;
 use crate::options::Crossing;
-use crate::step::motion::{Motion, Placed};
+use crate::step::motion::Motion;
 
 impl Deformer {
     /// Positions (m), one per vertex, in the mesh's order. Reads them back from the GPU if they changed.
@@ -115,15 +115,13 @@ impl Deformer {
             false => Vec4::ZERO,
         };
         let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
-        self.motion = Motion::after(cloth, x, 0.0);
+        self.motion = Motion::placed(cloth, x, &p);
         let led = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
         self.motion.pin_velocities = led.collect();
         let free =
             p.iter().zip(&cloth.rest).take(cloth.used).filter(|(_, rest)| rest.w > 0.0).map(|(p, _)| p.truncate().as_dvec3());
         let (sum, count) = free.fold((DVec3::ZERO, 0), |(sum, count), p| (sum + p, count + 1));
         self.motion.set_course((sum / f64::from(count.max(1))).as_vec3());
-        let fastest = p.iter().map(|p| p.length()).fold(0.0, f32::max);
-        self.motion.placed = self.motion.placed.map(|placed| Placed { fastest, ..placed });
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.flat_start = FlatStart::placed(x, &p, &self.cloth);

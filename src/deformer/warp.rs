@@ -7,8 +7,7 @@ use crate::deformer::imperfection::FlatStart;
 use crate::error::WarpError;
 use crate::kernels::limits::is_bounded;
 use crate::kernels::rigid::Rigid;
-use crate::model::mesh::bounds;
-use crate::step::motion::Placed;
+use crate::step::motion::Place;
 
 impl Deformer {
     /// Moves the cloth and its pins rigidly, as for a character that is teleported. `motion` maps world positions (m)
@@ -45,8 +44,7 @@ impl Deformer {
         self.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
         self.motion.course = rigid.vector(self.motion.course);
-        let [low, high] = bounds(x.iter().map(|x| x.truncate()));
-        self.motion.placed = self.motion.placed.map(|placed| Placed { low, high, ..placed });
+        self.motion.placed = self.motion.placed.map(|_| Place::of(&x, &p));
         self.motion.colliders.clear();
         self.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
         self.wake();

@@ -71,13 +71,17 @@ pub(crate) fn contact_bodies<L: Lanes>(
     params: &Params,
 ) -> Option<(Vector<L>, Vector<L>)> {
     let (mut at, mut by, mut is_clear) = (x, u, true);
-    for (body, clear) in near.iter(substep, params) {
+    let mut visit = near.visit(substep, params);
+    while let Some((body, clear)) = visit.next() {
         if L::all(clear.of_vertices(at, by)) {
             continue;
         }
         let (out, held) = contact_body(at, by, body, substep, params);
         (at, by) = (Vector::select(is_free, out, at), Vector::select(is_free, held, by));
         is_clear = false;
+        if !near.holds(at, by) {
+            visit.visit_all();
+        }
     }
     (!is_clear).then_some((at, by))
 }

@@ -12,7 +12,7 @@ pub struct StepReport {
     /// Coarse levels used in each substep.
     pub levels: u32,
     /// How the cloth was stretched, measured if the quality bounds the strain, the cloth may sleep, there are mesh colliders, or
-    /// cloth with contact and without pins may fly at others, otherwise `None`.
+    /// the cloth has contact and no pins and there are any colliders; otherwise `None`.
     /// On the GPU the measurement is three steps old, and `None` in the first steps, unless there is contact of triangles.
     pub stretch: Option<Stretch>,
     /// The cloth slept through the step and did not change: see [`Options::sleep`](crate::Options::sleep).
@@ -142,8 +142,8 @@ pub enum Warning {
         /// The highest speed (m/s) that the substeps can carry: one edge length, or one thickness, per substep.
         carried: f32,
     },
-    /// Pins or mesh colliders move relative to each other by more than two thirds of the contact thickness per substep, so
-    /// that they may pass through cloth that is caught between them. Cloth that only one of them hits is carried along
+    /// Pins, mesh colliders and cloth without pins near these move relative to each other by more than two thirds of the contact
+    /// thickness per substep, so that they may pass through cloth that is caught between them. Cloth that only one of them hits is carried along
     /// and does not let it through; cloth without pins that slides over one so fast is dragged along by its edges, even without
     /// friction. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up to 256 per
     /// 1/60 s for this), increase [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use glam::{DVec3, Mat3, Vec3};
 
 use crate::attributes::{Attributes, Collider, Shape};
-use crate::kernels::statistics::{Statistics, unordered};
+use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::bounds;
 use crate::options::Cause;
 use crate::record::recorded;
-use crate::step::motion::Motion;
+use crate::step::motion::{Motion, Place};
 
 /// The accelerations, speeds and pressures that determine the membrane stress.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -59,6 +59,7 @@ impl Fastest {
         let common = motion.last_drift(cloth).as_dvec3();
         let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
         let common = if goes_along { common } else { DVec3::ZERO };
+        let place = seen.map(Place::seen).or(motion.placed);
         let mut fastest = Fastest { drift, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {
@@ -79,7 +80,7 @@ impl Fastest {
             // Pins hold the cloth back from what is still; without any it runs into that on its course.
             let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, way.max(relative)) };
             let speed = speed / dt;
-            if speed > fastest.solid.1 && is_near(cloth, motion, now, [reach, dt], seen) {
+            if speed > fastest.solid.1 && is_near(cloth, now, reach, dt, place) {
                 faster(&mut fastest.collider, index, speed);
                 if !matches!(now.shape, Shape::Mesh { .. }) {
                     faster(&mut fastest.solid, index, speed);
@@ -184,19 +185,14 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
 }
 
 /// Whether a collider may touch the cloth during a step of `dt` (s) in which it moves by `travel` (m), by itself or relative to
-/// the cloth's course, whichever is more. True if nothing is known about the cloth.
-fn is_near(cloth: &Cloth, motion: &Motion, collider: &Collider, [travel, dt]: [f64; 2], seen: Option<&Statistics>) -> bool {
-    let is_in_reach = |low: Vec3, high: Vec3, fastest: f32| {
+/// the cloth's course, whichever is more. True if the `place` of the cloth is not known.
+fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, place: Option<Place>) -> bool {
+    place.is_none_or(|Place { low, high, fastest }| {
         let reach = STEPS_AHEAD * (f64::from(fastest) * dt + travel);
         // The vertices of meshes are not shifted by `relative_to`, so the box is compared in the caller's coordinates.
         let origin = if let Shape::Mesh { .. } = collider.shape { cloth.origin } else { Vec3::ZERO };
         f64::from(gap(&collider.relative_to(cloth.origin).shape, low + origin, high + origin)) <= reach
-    };
-    match (seen, &motion.placed) {
-        (Some(seen), _) => is_in_reach(unordered(seen.low), unordered(seen.high), f32::from_bits(seen.fastest)),
-        (None, Some(placed)) => is_in_reach(placed.low, placed.high, placed.fastest),
-        (None, None) => true,
-    }
+    })
 }
 
 /// Half the range of the velocities (m/s) of pins, of mesh colliders near the cloth, and of the cloth that nothing holds on these:
@@ -205,12 +201,12 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
     let course = if cloth.has_pins() { Vec3::ZERO } else { motion.course };
+    let place = seen.map(Place::seen).or(motion.placed);
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
         (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
-            let near = seen.map(|seen| {
-                let reach = STEPS_AHEAD as f32 * (f32::from_bits(seen.fastest) + course.length()) * dt;
-                let [low, high] = [seen.low, seen.high].map(|bound| unordered(bound) + cloth.origin);
-                [low - reach, high + reach]
+            let near = place.map(|Place { low, high, fastest }| {
+                let reach = STEPS_AHEAD as f32 * (fastest + course.length()) * dt;
+                [low + cloth.origin - reach, high + cloth.origin + reach]
             });
             // Of a moving character, only the parts that come near the cloth count.
             let comes_near = move |&(to, from): &(&Vec3, &Vec3)| {
@@ -219,12 +215,8 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
                     (from.min(*to) - by).cmple(high).all() && (from.max(*to) + by).cmpge(low).all()
                 })
             };
-            // How far it moves takes longer to find out than the rest.
-            let way = || {
-                let [alone, relative] = [Vec3::ZERO, course * dt].map(|by| travel(&now.shape, &last.shape, by));
-                alone.max(relative)
-            };
-            let may_touch = is_near(cloth, motion, now, [way(), f64::from(dt)], seen);
+            let [alone, relative] = [Vec3::ZERO, course * dt].map(|by| travel(&now.shape, &last.shape, by));
+            let may_touch = is_near(cloth, now, alone.max(relative), f64::from(dt), place);
             may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,

@@ -26,32 +26,48 @@ pub(crate) struct Motion {
     pub pin_velocities: Vec<Vec3>,
     /// Velocity (m/s) at which the cloth moves as a whole, as far as statistics tell: see [`Motion::observe`].
     pub course: Vec3,
-    /// Where the cloth is, if its state was set and no step was taken since.
-    pub placed: Option<Placed>,
+    /// Where the cloth is, if its state was set and no step was taken since. After that only statistics tell.
+    pub placed: Option<Place>,
 }
 
 recorded!(Motion { dt, h, colliders, pins, pin_velocities, course, placed });
 
-/// The box around a state that was set (m, in local coordinates), and its fastest vertex (m/s).
+/// The box around the cloth (m, in local coordinates), and the speed (m/s) of its fastest vertex.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Placed {
+pub(crate) struct Place {
     pub low: Vec3,
     pub high: Vec3,
     pub fastest: f32,
 }
 
-recorded!(Placed { low, high, fastest });
+recorded!(Place { low, high, fastest });
+
+impl Place {
+    /// In a state in the cloth's order: positions (m) and velocities (m/s).
+    pub(crate) fn of(x: &[Vec4], v: &[Vec4]) -> Place {
+        let [low, high] = bounds(x.iter().map(|x| x.truncate()));
+        Place { low, high, fastest: v.iter().map(|v| v.truncate().length()).fold(0.0, f32::max) }
+    }
+
+    /// As statistics tell.
+    pub(crate) fn seen(seen: &Statistics) -> Place {
+        Place { low: unordered(seen.low), high: unordered(seen.high), fastest: f32::from_bits(seen.fastest) }
+    }
+}
 
 /// Cloth that moves no faster (m/s) than this as a whole counts as staying where it is.
 const LEAST_COURSE: f32 = 1.0;
 
 impl Motion {
-    /// After a state in the cloth's order, reached by substeps of `h` (s); 0 if the state was set.
+    /// After a state in the cloth's order, reached by substeps of `h` (s).
     pub(crate) fn after(cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
         let pins = cloth.pinned.iter().map(|&vertex| x[vertex as usize].truncate()).collect();
-        let [low, high] = bounds(x.iter().map(|x| x.truncate()));
-        let placed = (h == 0.0).then_some(Placed { low, high, fastest: 0.0 });
-        Motion { h, pins, placed, ..Motion::default() }
+        Motion { h, pins, ..Motion::default() }
+    }
+
+    /// After a state that was set, in the cloth's order: positions (m) and velocities (m/s).
+    pub(crate) fn placed(cloth: &Cloth, x: &[Vec4], v: &[Vec4]) -> Motion {
+        Motion { placed: Some(Place::of(x, v)), ..Motion::after(cloth, x, 0.0) }
     }
 
     /// Pairs each collider with the one it moves from: itself if it is new, was teleported or has another kind of

@@ -164,7 +164,7 @@ fn far_bodies_are_left_out_and_near_ones_are_not() {
         let state: Vec<[Vec4; 2]> =
             (0..20).map(|_| [(center + vector(extent)).extend(1.0), (course + vector(0.005)).extend(0.0)]).collect();
         let near = NearBodies::of(&all, &in_step, &substep, &params, state.iter().copied());
-        let kept = near.iter(&substep, &params).count();
+        let kept = near.visit(&substep, &params).count();
         left_out += all.len() - kept;
         overflows += usize::from(kept > 16);
         for [x, u] in state.iter().map(|state| state.map(xyz)) {
@@ -175,4 +175,34 @@ fn far_bodies_are_left_out_and_near_ones_are_not() {
         }
     }
     assert!(met > 500 && left_out > 1000 && overflows > 5, "{met} vertices met bodies, {left_out} were left out, {overflows}");
+}
+
+/// A body throws a vertex at another one that was out of its reach. That stops it, whichever vertices are tested together.
+#[test]
+fn what_is_thrown_at_a_far_body_is_stopped_by_it() {
+    let ball = |at: [f32; 3], by: f32| Body {
+        a: at,
+        b: at,
+        radius: 0.02,
+        a_travel: [by, 0.0, 0.0],
+        b_travel: [by, 0.0, 0.0],
+        kind: ROUND,
+        ..Body::default()
+    };
+    let elsewhere = (0..6).map(|k| ball([0.0, 5.0 + k as f32, 0.0], 0.0));
+    let all: Vec<Body> =
+        [ball([-0.03, 0.0, 0.0], 0.1)].into_iter().chain(elsewhere).chain([ball([0.07, 0.0, 0.0], 0.0)]).collect();
+    let in_step: Vec<Clear> = all.iter().map(Clear::in_step).collect();
+    let (substep, params) = (Substep::default(), Params { h: 1.0 / 600.0, fraction: 1.0, ..Params::default() });
+    let alone = vec![[Vec4::W, Vec4::ZERO]];
+    let together = vec![alone[0], [Vec4::new(0.07, 0.0, 0.0, 1.0), Vec4::ZERO]];
+    let ends = [alone, together].map(|state| {
+        let near = NearBodies::of(&all, &in_step, &substep, &params, state.iter().copied());
+        let [x, u] = state[0].map(xyz);
+        let (at, by) = contact_bodies(lane(x), lane(u), true, &near, &substep, &params).expect("it is hit");
+        [at.x + by.x, at.y + by.y, at.z + by.z]
+    });
+    let (x, u) = all.iter().fold((Vec3A::ZERO, Vec3A::ZERO), |(x, u), body| contact_one(x, u, body, &substep, &params));
+    assert_eq!(ends, [(x + u).to_array(); 2]);
+    assert!((x + u).x < 0.0501, "it ends at {}", x + u);
 }

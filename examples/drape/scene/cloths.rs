@@ -220,9 +220,9 @@ fn doubt(name: &str, mesh: &Mesh) {
         warn("warning", &message);
     }
     let far = low.abs().max(high.abs()).max_element();
-    if far > FAR * extent {
+    if extent > 0.0 && far > FAR * extent {
         let message = format!(
-            "{name} is {extent} m across and up to {far} m from the origin, where its file's positions are rounded to {:.1} mm; move it nearer where it is exported",
+            "{name} is {extent} m across and up to {far} m from the origin, where positions are rounded to {:.1} mm; export and place it nearer to the origin",
             1e3 * far * f32::EPSILON
         );
         warn("warning", &message);

@@ -136,7 +136,12 @@ impl Paths {
         for vertex in vertices.iter().map(|&vertex| vertex as usize) {
             let (x, u, most) = (xyz(path.x[vertex]), xyz(path.u[vertex]), surface.max_margin[vertex]);
             let margin = (LONGER * self.margin[vertex]).clamp(least.min(most), most);
-            let by = if pressed[vertex] { self.led_on(vertex, x, u, margin) } else { u } - rate;
+            let (by, margin) = if pressed[vertex] {
+                let mean = self.mean_motion(vertex, x).map(|mean| mean - common / steps.max(1.0));
+                led_on(mean, u - rate, [margin, most])
+            } else {
+                (u - rate, margin)
+            };
             self.from[vertex] = (x + u - by * steps - common).extend(self.from[vertex].w);
             self.by[vertex] = by.extend(inverse(margin));
             self.margin[vertex] = margin;
@@ -204,10 +209,9 @@ impl Paths {
         by.extend(u.iter().zip(&self.margin).map(|(u, &margin)| u.with_w(inverse(margin))));
         let is_known = self.from.len() == x.len();
         for vertex in pressed.iter().enumerate().filter_map(|(vertex, &is)| (is && is_known).then_some(vertex)) {
-            let (x, u) = (xyz(x[vertex]), xyz(u[vertex]));
-            let aside = (self.mean_motion(vertex, x, u) - u).length();
-            let margin = self.margin[vertex].max(LONGER * aside).min(surface.max_margin[vertex]);
-            (self.margin[vertex], by[vertex]) = (margin, self.led_on(vertex, x, u, margin).extend(inverse(margin)));
+            let mean = self.mean_motion(vertex, xyz(x[vertex]));
+            let (way, margin) = led_on(mean, xyz(u[vertex]), [self.margin[vertex], surface.max_margin[vertex]]);
+            (self.margin[vertex], by[vertex]) = (margin, way.extend(inverse(margin)));
         }
         self.by = by;
         self.from.clear();
@@ -215,16 +219,18 @@ impl Paths {
         (self.since, self.renewed) = (Some(0.0), 0);
     }
 
-    /// The displacement per substep (m) with which a vertex has moved on average since its path began; `u` if that began just now.
-    fn mean_motion(&self, vertex: usize, x: Vec3A, u: Vec3A) -> Vec3A {
-        let since = self.since.filter(|&since| since > 0.0);
-        since.map_or(u, |since| (x - xyz(self.from[vertex])) / since)
+    /// The mean displacement per substep (m) of a vertex since its path began, unless that is just now.
+    fn mean_motion(&self, vertex: usize, x: Vec3A) -> Option<Vec3A> {
+        self.since.filter(|&since| since > 0.0).map(|since| (x - xyz(self.from[vertex])) / since)
     }
+}
 
-    /// The same, but no farther from `u` than a path may lead with this margin.
-    fn led_on(&self, vertex: usize, x: Vec3A, u: Vec3A, margin: f32) -> Vec3A {
-        u + (self.mean_motion(vertex, x, u) - u).clamp_length_max(ASIDE * margin)
-    }
+/// The displacement per substep (m) of the path of a vertex that is about to move by `u` (m) and moves by `mean`, if that is known, and
+/// the margin that covers the difference, as far as a margin may be: of at least and at most so much.
+fn led_on(mean: Option<Vec3A>, u: Vec3A, [least, most]: [f32; 2]) -> (Vec3A, f32) {
+    let aside = mean.map_or(Vec3A::ZERO, |mean| mean - u);
+    let margin = least.max(LONGER * aside.length()).min(most);
+    (u + aside.clamp_length_max(ASIDE * margin), margin)
 }
 
 /// The mean of a vector of some of the vertices, whose number is given; zero if none is.

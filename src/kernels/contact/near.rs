@@ -7,7 +7,7 @@ use crate::kernels::integrate::xyz;
 use crate::kernels::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
 
-/// Up to so many bodies are tested against each vertex, without a test against all vertices together.
+/// With up to so many bodies, a test against the box around all vertices costs more than it saves.
 const FEW: usize = 4;
 /// Up to so many near bodies are tested with what is computed once for all vertices.
 const MOST: usize = 16;
@@ -26,7 +26,7 @@ pub(crate) struct Clear {
 }
 
 impl Clear {
-    /// Nothing is known.
+    /// Clear nowhere, in places that are not used.
     const NOWHERE: Clear = Clear { travel: 0.0, center: Vec3A::ZERO, reach: 0.0, normal: None };
 
     /// In any substep of a step.
@@ -84,7 +84,7 @@ impl Clear {
     }
 }
 
-/// The box that vertices begin a substep in (m), and a bound on how far they are about to move (m).
+/// A box that vertices are in throughout a substep (m), and a bound on how far they are about to move (m).
 #[derive(Debug, Clone, Copy)]
 struct MotionRange {
     low: Vec3A,
@@ -93,10 +93,15 @@ struct MotionRange {
 }
 
 impl MotionRange {
-    fn of(state: impl Iterator<Item = [Vec4; 2]>) -> MotionRange {
+    const ANYWHERE: MotionRange = MotionRange { low: Vec3A::NEG_INFINITY, high: Vec3A::INFINITY, fastest: f32::INFINITY };
+
+    /// The range of a state, with room for what bodies usually change.
+    fn around(state: impl Iterator<Item = [Vec4; 2]>, h: f32) -> MotionRange {
         let none = (Vec4::INFINITY, Vec4::NEG_INFINITY, Vec4::ZERO);
         let (low, high, most) = state.fold(none, |(low, high, most), [x, u]| (low.min(x), high.max(x), most.max(u.abs())));
-        MotionRange { low: xyz(low), high: xyz(high), fastest: xyz(most).length() }
+        let fastest = xyz(most).length();
+        let room = fastest + super::DEPENETRATION * h;
+        MotionRange { low: xyz(low) - room, high: xyz(high) + room, fastest: fastest + room }
     }
 }
 
@@ -104,31 +109,40 @@ impl MotionRange {
 #[derive(Debug)]
 pub(crate) struct NearBodies<'a> {
     bodies: &'a [Body],
-    /// Indices of the first of them, with their tests in this substep.
+    in_step: &'a [Clear],
+    /// The others are clear of vertices in this range.
+    range: MotionRange,
+    /// Indices of the first near bodies, with their tests in this substep.
     first: [(u32, Clear); MOST],
     count: usize,
-    /// The bodies from this index on may be near, too.
+    /// From this index on bodies may be near, too.
     rest: usize,
 }
 
 impl<'a> NearBodies<'a> {
     /// No bodies.
-    pub(crate) const NONE: NearBodies<'static> =
-        NearBodies { bodies: &[], first: [(0, Clear::NOWHERE); MOST], count: 0, rest: 0 };
+    pub(crate) const NONE: NearBodies<'static> = NearBodies {
+        bodies: &[],
+        in_step: &[],
+        range: MotionRange::ANYWHERE,
+        first: [(0, Clear::NOWHERE); MOST],
+        count: 0,
+        rest: 0,
+    };
 
     /// Of the bodies, of each of which `in_step` says where it cannot be touched in the step, those near vertices in some `state`:
     /// positions and displacements (m).
     pub(crate) fn of(
         bodies: &'a [Body],
-        in_step: &[Clear],
+        in_step: &'a [Clear],
         substep: &Substep,
         params: &Params,
         state: impl Iterator<Item = [Vec4; 2]>,
     ) -> NearBodies<'a> {
-        let mut near = NearBodies { bodies, rest: bodies.len(), ..NearBodies::NONE };
-        let range = (bodies.len() > FEW).then(|| MotionRange::of(state));
+        let range = if bodies.len() > FEW { MotionRange::around(state, params.h) } else { MotionRange::ANYWHERE };
+        let mut near = NearBodies { bodies, in_step, range, rest: bodies.len(), ..NearBodies::NONE };
         for (index, body) in bodies.iter().enumerate() {
-            if range.is_some_and(|range| in_step[index].of_all(&range)) {
+            if in_step[index].of_all(&range) {
                 continue;
             }
             if near.count == MOST {
@@ -141,10 +155,62 @@ impl<'a> NearBodies<'a> {
         near
     }
 
-    /// The bodies with their tests in this substep.
+    /// Visits the near bodies.
     #[inline(always)]
-    pub(crate) fn iter(&self, substep: &Substep, params: &Params) -> impl Iterator<Item = (&'a Body, Clear)> {
-        let first = self.first[..self.count].iter().map(|&(index, clear)| (&self.bodies[index as usize], clear));
-        first.chain(self.bodies[self.rest..].iter().map(|body| (body, Clear::of(body, substep, params.fraction))))
+    pub(crate) fn visit<'n>(&'n self, substep: &'n Substep, params: &'n Params) -> Visit<'n, 'a> {
+        Visit { near: self, substep, params, place: 0, next: 0, visits_all: false }
+    }
+
+    /// Whether bodies that are not near are still clear of vertices, after others have changed their state.
+    #[inline(always)]
+    pub(crate) fn holds<L: Lanes>(&self, x: Vector<L>, u: Vector<L>) -> bool {
+        let MotionRange { low, high, fastest } = self.range;
+        let within = |x: L, low: f32, high: f32| L::and(L::splat(low).lt(x), x.lt(L::splat(high)));
+        let is_inside = L::and(within(x.x, low.x, high.x), L::and(within(x.y, low.y, high.y), within(x.z, low.z, high.z)));
+        L::all(L::and(is_inside, u.dot(u).lt(L::splat(fastest * fastest))))
+    }
+}
+
+/// Visits near bodies in order, each with its test in the substep.
+pub(crate) struct Visit<'n, 'a> {
+    near: &'n NearBodies<'a>,
+    substep: &'n Substep,
+    params: &'n Params,
+    /// How many of the first ones were visited, and the index after the last body.
+    place: usize,
+    next: usize,
+    visits_all: bool,
+}
+
+impl Visit<'_, '_> {
+    /// Visits all bodies from here on, near or not, because a body has moved vertices out of the range for which that is known. So it
+    /// does not matter which vertices are tested together.
+    #[inline(always)]
+    pub(crate) fn visit_all(&mut self) {
+        self.visits_all = true;
+    }
+}
+
+impl<'a> Iterator for Visit<'_, 'a> {
+    type Item = (&'a Body, Clear);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<(&'a Body, Clear)> {
+        let NearBodies { bodies, in_step, range, ref first, count, rest } = *self.near;
+        if !self.visits_all {
+            if self.place < count {
+                let (index, clear) = first[self.place];
+                (self.place, self.next) = (self.place + 1, index as usize + 1);
+                return Some((&bodies[index as usize], clear));
+            }
+            self.next = self.next.max(rest);
+        }
+        while let Some(body) = bodies.get(self.next) {
+            self.next += 1;
+            if self.visits_all || !in_step[self.next - 1].of_all(&range) {
+                return Some((body, Clear::of(body, self.substep, self.params.fraction)));
+            }
+        }
+        None
     }
 }
