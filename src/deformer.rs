@@ -255,7 +255,7 @@ impl Deformer {
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
         let seen = self.seen.as_ref();
         let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen);
-        let load = Load::of(&self.cloth, &self.motion, attributes, dt, seen, &fastest, thickness.is_some());
+        let load = Load::of(&self.cloth, &self.motion, attributes, dt, seen, &fastest, thickness);
         let trades = thickness.is_none() && self.trades_levels(load.lasting_pressure);
         let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
         let rate = self.rate(dt, &controller, thickness, &load);

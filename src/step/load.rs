@@ -124,7 +124,7 @@ impl Load {
     }
 
     /// The load in a step of `dt` (s) under `attributes`. `motion` is where the last step left off, `seen` the latest
-    /// statistics, if any, `fastest` what moves fastest; `has_contact` tells whether the scene has contact of triangles.
+    /// statistics, if any, `fastest` what moves fastest, and `thickness` (m) that of contact of triangles, if the scene has any.
     pub(crate) fn of(
         cloth: &Cloth,
         motion: &Motion,
@@ -132,8 +132,9 @@ impl Load {
         dt: f32,
         seen: Option<&Statistics>,
         fastest: &Fastest,
-        has_contact: bool,
+        thickness: Option<f64>,
     ) -> Load {
+        let place = seen.map(Place::seen).or(motion.placed);
         let relative = pressure_of(attributes, attributes.wind - fastest.drift / dt);
         // Still air hardly stretches cloth that flies through it: the cloth gives way as a whole.
         let pressure = if cloth.has_pins() { relative } else { relative.min(pressure(attributes)) };
@@ -144,7 +145,8 @@ impl Load {
             collider_speed: fastest.collider.1,
             pressure,
             lasting_pressure: pressure.min(pressure_of(attributes, attributes.wind - motion.last_drift(cloth))),
-            kinematic_speed: if has_contact { kinematic_speed(cloth, motion, attributes, dt, seen) } else { 0.0 },
+            kinematic_speed: thickness
+                .map_or(0.0, |thickness| kinematic_speed(cloth, motion, attributes, [dt, thickness as f32], place)),
         }
     }
 }
@@ -197,15 +199,20 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, place: Opti
 
 /// Half the range of the velocities (m/s) of pins, of mesh colliders near the cloth, and of the cloth that nothing holds on these:
 /// their largest distance from the midpoint of the range. A common motion of all of them does not count.
-fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attributes, dt: f32, seen: Option<&Statistics>) -> f64 {
+fn kinematic_speed<'a>(
+    cloth: &Cloth,
+    motion: &'a Motion,
+    attributes: &'a Attributes,
+    [dt, thickness]: [f32; 2],
+    place: Option<Place>,
+) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
     let course = if cloth.has_pins() { Vec3::ZERO } else { motion.course };
-    let place = seen.map(Place::seen).or(motion.placed);
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
         (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
             let near = place.map(|Place { low, high, fastest }| {
-                let reach = STEPS_AHEAD as f32 * (fastest + course.length()) * dt;
+                let reach = STEPS_AHEAD as f32 * (fastest + course.length()) * dt + 2.0 * thickness;
                 [low + cloth.origin - reach, high + cloth.origin + reach]
             });
             // Of a moving character, only the parts that come near the cloth count.
@@ -216,7 +223,7 @@ fn kinematic_speed<'a>(cloth: &Cloth, motion: &'a Motion, attributes: &'a Attrib
                 })
             };
             let [alone, relative] = [Vec3::ZERO, course * dt].map(|by| travel(&now.shape, &last.shape, by));
-            let may_touch = is_near(cloth, now, alone.max(relative), f64::from(dt), place);
+            let may_touch = is_near(cloth, now, alone.max(relative) + f64::from(thickness), f64::from(dt), place);
             may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,
