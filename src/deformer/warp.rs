@@ -17,8 +17,8 @@ impl Deformer {
     /// Colliders are not moved: those of the next step are taken as placed where they are, without a velocity. The
     /// [`Attributes::pin_targets`](crate::Attributes::pin_targets) of the next step must be at or near the new
     /// positions of the pins. The rest shape, to which [`Deformer::reset`] returns, stays where it is, and so does
-    /// [`Deformer::origin`]: 10 km from it, positions are rounded to a millimeter. Build a cloth that is to stay there from
-    /// a mesh that is there.
+    /// [`Deformer::origin`]: 10 km from it, positions are rounded to a millimeter, and undamped cloth trembles and gains energy. Build
+    /// a cloth that is to stay there from a mesh that is there.
     ///
     /// This takes less time than a step. On a GPU it waits for the submitted steps, reads the state back and writes it.
     ///
