@@ -399,6 +399,12 @@ impl Deformer {
         }
     }
 
+    /// The options as they are now: those that the cloth was built with, and what was set since.
+    #[must_use]
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
     /// Number of colors of the edges. Edges of one color share no vertex; colors are visited one after another in a
     /// sweep.
     #[must_use]

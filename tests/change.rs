@@ -82,6 +82,8 @@ fn a_changed_cloth_is_one_made_so(backend: Backend) {
         let mut changed = Deformer::new(&mesh, before.clone()).unwrap();
         play(&mut changed, 3, &scene(2));
         change(&mut changed);
+        let told = changed.options();
+        assert_eq!((told.fabric, &told.pinned, &told.mass), (after.fabric, &after.pinned, &after.mass), "{name}");
         let (x, v) = (changed.positions().unwrap().to_vec(), changed.velocities().unwrap().to_vec());
         let mut made = Deformer::new(&mesh, after.clone()).unwrap();
         for cloth in [&mut changed, &mut made] {
