@@ -99,6 +99,32 @@ scale = [{ time = 0, value = [1, 1, 1] }, { time = 0.5, value = [1, 1, 0.5] }]
     }
 }
 
+/// Smooth keys are passed through, between two of them values stay, and the velocity does not jump, also where a loop goes on. With
+/// linear keys it does.
+#[test]
+fn smooth_keys_do_not_jerk() {
+    let track = |smooth: bool| {
+        let keys = "{ time = 0, value = [0, 0, 0] }, { time = 0.3, value = [0, 0.5, 0] }, { time = 0.5, value = [0, 0.5, 0] }, { time = 0.8, value = [0, 0.9, 0] }, { time = 1, value = [0, 0, 0] }";
+        format!("[[cloth.pin]]\nrule = \"top\"\nmove = {{ smooth = {smooth}, loop = true, keys = [{keys}] }}\n")
+    };
+    let heights = |smooth: bool| -> Vec<f32> {
+        let sheet = SHEET.replace("frames = 31", "fps = 240\nframes = 481");
+        let (directory, output) = scene(&(sheet + &track(smooth)), &[]);
+        succeeds(&output);
+        (1..=481).map(|number| frame(&directory, number)[0].y).collect()
+    };
+    let smooth = heights(true);
+    for (time, height) in [(0.0, 0.0), (0.3, 0.5), (0.4, 0.5), (0.5, 0.5), (0.8, 0.9), (1.3, 0.5), (1.8, 0.9), (2.0, 0.0)] {
+        let there = smooth[(time * 240.0_f32).round() as usize];
+        assert!((there - height).abs() < 1e-4, "{there} m at {time} s");
+    }
+    assert!(smooth.iter().all(|height| (0.0..=0.9).contains(height)), "{smooth:?}");
+    let jerk = |heights: &[f32]| heights.windows(3).map(|x| 240.0 * (x[2] - 2.0 * x[1] + x[0]).abs()).fold(0.0, f32::max);
+    let jerks = [jerk(&smooth), jerk(&heights(false))];
+    println!("velocities change by {} and {} m/s from frame to frame", jerks[0], jerks[1]);
+    assert!(jerks[0] < 0.1 * jerks[1], "{jerks:?}");
+}
+
 /// A table lifts what lies on it from frame to frame.
 #[test]
 fn colliders_go_where_their_keys_say() {

@@ -11,13 +11,15 @@ use super::values::{Value, checked, maybe, plain};
 ///
 /// Written as `value`, as `[{ time = 0, value = .. }, { time = 1.5, value = .. }]`, or, for a loop, as
 /// `{ loop = true, keys = [..] }`. Times are in seconds from frame 1, in ascending order. Values are interpolated
-/// linearly between keys, and constant before the first and after the last. `{ start = .., keys = [..] }` gives the
-/// value at the start of the preroll, in which it changes smoothly to that of frame 1.
+/// linearly between keys, or without a jump of the velocity if `{ smooth = true, keys = [..] }`, and constant before the first and
+/// after the last. `{ start = .., keys = [..] }` gives the value at the start of the preroll, in which it changes smoothly to that of
+/// frame 1.
 #[derive(Debug, Clone)]
 pub(crate) struct Animated<T> {
     /// At least one.
     keys: Vec<Key<T>>,
     repeats: bool,
+    is_smooth: bool,
     start: Option<T>,
 }
 
@@ -45,7 +47,7 @@ impl<'de> Deserialize<'de> for Time {
 impl<T: Value> Animated<T> {
     /// The same value at all times.
     pub(crate) fn still(value: T) -> Animated<T> {
-        Animated { keys: vec![Key { time: Time(0.0), value }], repeats: false, start: None }
+        Animated { keys: vec![Key { time: Time(0.0), value }], repeats: false, is_smooth: false, start: None }
     }
 
     /// The value at a moment.
@@ -59,15 +61,50 @@ impl<T: Value> Animated<T> {
     /// The value at `time` (s) from frame 1.
     fn at_time(&self, time: f64) -> T {
         let time = self.within(time).0;
-        let next = self.keys.partition_point(|key| key.time.0 <= time);
-        match (next.checked_sub(1).map(|last| self.keys[last]), self.keys.get(next)) {
+        let place = self.keys.partition_point(|key| key.time.0 <= time);
+        match (place.checked_sub(1).map(|last| self.keys[last]), self.keys.get(place)) {
             (None, _) => self.keys[0].value,
             (Some(last), None) => last.value,
             (Some(last), Some(next)) => {
-                let share = (time - last.time.0) / (next.time.0 - last.time.0);
-                last.value.toward(next.value, share as f32)
+                let share = ((time - last.time.0) / (next.time.0 - last.time.0)) as f32;
+                if self.is_smooth { self.curve(place - 1, share) } else { last.value.toward(next.value, share) }
             }
         }
+    }
+
+    /// The value on a curve from key `last` (share 0) to the next (share 1): a cubic that has the same slope on either side of each
+    /// key, and stays between its ends.
+    fn curve(&self, last: usize, share: f32) -> T {
+        let intervals = [self.before(last), Some(last), self.after(last)];
+        let width = |key: usize| (self.keys[key + 1].time.0 - self.keys[key].time.0) as f32;
+        let widths = intervals.map(|interval| width(interval.unwrap_or(last)));
+        let [[a, b], [c, d], [e, f]] = intervals
+            .map(|interval| interval.map_or([self.keys[last].value; 2], |key| [self.keys[key].value, self.keys[key + 1].value]));
+        T::each([a, b, c, d, e, f], |[a, b, from, to, e, f]| {
+            let [before, mean, after] = [(b - a) / widths[0], (to - from) / widths[1], (f - e) / widths[2]];
+            let slopes = [slope([before, mean], [widths[0], widths[1]]), slope([mean, after], [widths[1], widths[2]])];
+            let [start, end] = slopes.map(|slope| slope * widths[1]);
+            let (s, t) = (share, 1.0 - share);
+            let value = t * t * (from + s * (2.0 * from + start)) + s * s * (to + t * (2.0 * to - end));
+            value.clamp(from.min(to), from.max(to))
+        })
+    }
+
+    /// The interval before the one that begins at a key, by the key that it begins at; `None` where the value was constant. A loop goes
+    /// on at its other end, or if it does not close, as in the interval itself.
+    fn before(&self, key: usize) -> Option<usize> {
+        if key > 0 { Some(key - 1) } else { self.repeats.then_some(if self.closes() { self.keys.len() - 2 } else { key }) }
+    }
+
+    /// The interval after that, likewise.
+    fn after(&self, key: usize) -> Option<usize> {
+        let is_last = key + 2 == self.keys.len();
+        if is_last { self.repeats.then_some(if self.closes() { 0 } else { key }) } else { Some(key + 1) }
+    }
+
+    /// Whether the last value is the first.
+    fn closes(&self) -> bool {
+        self.keys[0].value == self.keys[self.keys.len() - 1].value
     }
 
     /// Whether a value is given for the start of the preroll.
@@ -116,8 +153,18 @@ impl<T: Value> Animated<T> {
                 "a key at {next} s comes after one at {last} s; put them in the order of their times"
             )));
         }
-        Ok(Animated { keys, repeats, start: None })
+        Ok(Animated { keys, repeats, is_smooth: false, start: None })
     }
+}
+
+/// The slope at a key, between intervals with these mean slopes and widths, of a curve that is as monotonic as the keys (Fritsch and
+/// Butland 1984).
+fn slope([before, after]: [f32; 2], [width, next_width]: [f32; 2]) -> f32 {
+    if before * after <= 0.0 {
+        return 0.0;
+    }
+    let weights = [2.0 * next_width + width, next_width + 2.0 * width];
+    (weights[0] + weights[1]) / (weights[0] / before + weights[1] / after)
 }
 
 impl<'de, T: Value> Deserialize<'de> for Animated<T> {
@@ -159,8 +206,8 @@ impl<'de, T: Value> Visitor<'de> for AnimatedVisitor<T> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Animated<T>, A::Error> {
-        let Track { keys, repeats, start } = Track::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(Animated { start, ..Animated::from_keys(keys, repeats)? })
+        let Track { keys, repeats, is_smooth, start } = Track::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(Animated { is_smooth, start, ..Animated::from_keys(keys, repeats)? })
     }
 }
 
@@ -175,6 +222,8 @@ struct Track<T> {
     keys: Vec<Key<T>>,
     #[serde(rename = "loop", default)]
     repeats: bool,
+    #[serde(rename = "smooth", default)]
+    is_smooth: bool,
     #[serde(default = "none", deserialize_with = "maybe")]
     start: Option<T>,
 }

@@ -15,6 +15,9 @@ pub(crate) trait Value: Copy + PartialEq {
 
     /// Interpolates between this value (share 0) and another (share 1).
     fn toward(self, other: Self, share: f32) -> Self;
+
+    /// The value whose components are a function of those of some values.
+    fn each<const N: usize>(values: [Self; N], of: impl Fn([f32; N]) -> f32) -> Self;
 }
 
 impl Value for Vec3 {
@@ -27,6 +30,10 @@ impl Value for Vec3 {
 
     fn toward(self, other: Vec3, share: f32) -> Vec3 {
         self.lerp(other, share)
+    }
+
+    fn each<const N: usize>(values: [Vec3; N], of: impl Fn([f32; N]) -> f32) -> Vec3 {
+        Vec3::from_array([0, 1, 2].map(|axis| of(values.map(|value| value[axis]))))
     }
 }
 
@@ -44,6 +51,10 @@ impl Value for Extent {
     fn toward(self, other: Extent, share: f32) -> Extent {
         Extent(self.0.lerp(other.0, share))
     }
+
+    fn each<const N: usize>(values: [Extent; N], of: impl Fn([f32; N]) -> f32) -> Extent {
+        Extent(Vec3::each(values.map(|value| value.0), of))
+    }
 }
 
 /// A unit vector, read from a vector of any length but 0.
@@ -60,6 +71,10 @@ impl Value for Direction {
     fn toward(self, other: Direction, share: f32) -> Direction {
         Direction(self.0.lerp(other.0, share))
     }
+
+    fn each<const N: usize>(values: [Direction; N], of: impl Fn([f32; N]) -> f32) -> Direction {
+        Direction(Vec3::each(values.map(|value| value.0), of))
+    }
 }
 
 /// Red, green and blue, each from 0 to 1.
@@ -75,6 +90,10 @@ impl Value for Color {
 
     fn toward(self, other: Color, share: f32) -> Color {
         Color(self.0.lerp(other.0, share))
+    }
+
+    fn each<const N: usize>(values: [Color; N], of: impl Fn([f32; N]) -> f32) -> Color {
+        Color(Vec3::each(values.map(|value| value.0), of))
     }
 }
 
@@ -108,6 +127,10 @@ impl<const ZERO: bool> Value for Size<ZERO> {
 
     fn toward(self, other: Size<ZERO>, share: f32) -> Size<ZERO> {
         Size(self.0 + (other.0 - self.0) * share)
+    }
+
+    fn each<const N: usize>(values: [Size<ZERO>; N], of: impl Fn([f32; N]) -> f32) -> Size<ZERO> {
+        Size(of(values.map(|value| value.0)))
     }
 }
 
