@@ -84,7 +84,7 @@ impl Clear {
     }
 }
 
-/// A box that vertices are in throughout a substep (m), and a bound on how far they are about to move (m).
+/// A box in which vertices begin a substep (m), and a bound on how far they are about to move in it (m).
 #[derive(Debug, Clone, Copy)]
 struct MotionRange {
     low: Vec3A,
