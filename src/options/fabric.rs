@@ -24,8 +24,8 @@ pub struct Fabric {
     /// term, at no cost.
     ///
     /// A strip whose first two columns of vertices are pinned is clamped halfway between them, so it is half a cell longer than
-    /// from the second column on. With substeps that do not resolve K, a narrow strip curls across its length and sags more: with
-    /// 25 mm, cells of 2.4 mm and 20 substeps as if its rigidity were about half as large.
+    /// from the second column on. With substeps that do not resolve K, a narrow strip curls across its length and sags as if
+    /// it were less rigid, the more the narrower it is and the finer its mesh.
     pub bending: f32,
     /// Retardation time of bending (s). The moment is `B (kappa + damping dkappa/dt)` (Kelvin-Voigt), with rates
     /// measured relative to the local rotation of the cloth, so it damps folding without slowing the fall or the

@@ -190,8 +190,8 @@ pub struct Contact {
     /// or a coarser mesh.
     pub thickness: f32,
     /// Coefficient of Coulomb friction of cloth on cloth, 0 or above. Colliders have their own
-    /// ([`Collider::friction`](crate::Collider::friction)). It acts where the two sides are, which are a thickness apart, so it turns
-    /// free cloth a little: two sheets that collide in flight lose up to 1 % of their angular momentum. Linear momentum stays.
+    /// ([`Collider::friction`](crate::Collider::friction)). It acts where the two sides are, which are a thickness apart, so it changes
+    /// the angular momentum of free cloth a little. Linear momentum stays.
     pub friction: f32,
 }
 

@@ -59,7 +59,7 @@ impl Fastest {
         let common = motion.last_drift(cloth).as_dvec3();
         let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
         let common = if goes_along { common } else { DVec3::ZERO };
-        let place = seen.map(Place::seen).or(motion.placed);
+        let place = motion.place(seen);
         let mut fastest = Fastest { drift, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {
@@ -134,7 +134,7 @@ impl Load {
         fastest: &Fastest,
         thickness: Option<f64>,
     ) -> Load {
-        let place = seen.map(Place::seen).or(motion.placed);
+        let place = motion.place(seen);
         let relative = pressure_of(attributes, attributes.wind - fastest.drift / dt);
         // Still air hardly stretches cloth that flies through it: the cloth gives way as a whole.
         let pressure = if cloth.has_pins() { relative } else { relative.min(pressure(attributes)) };
@@ -228,13 +228,13 @@ fn kinematic_speed<'a>(
         }
         _ => None,
     };
-    let meshes = || motion.followed(&attributes.colliders).filter_map(mesh).flatten();
-    // Cloth that slides faster than that is dragged along, or held back, by the edges of a mesh: truncation shortens displacements.
-    let slides = (!cloth.has_pins() && meshes().next().is_some()).then_some(course * dt);
+    // Cloth that slides fast over a mesh is dragged along, or held back, by its edges: truncation shortens displacements.
+    let slides = (!cloth.has_pins()).then_some(course * dt);
     let moves = || {
         let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| cloth.is_used(**pin));
         let pins = pins.map(|(_, (&to, &from))| to - cloth.origin - from);
-        pins.chain(held).chain(meshes().map(|(&to, &from)| to - from)).chain(slides)
+        let meshes = motion.followed(&attributes.colliders).filter_map(mesh).flatten();
+        pins.chain(held).chain(meshes.map(|(&to, &from)| to - from)).chain(slides)
     };
     let [low, high] = bounds(moves());
     let middle = 0.5 * (low + high);

@@ -50,7 +50,7 @@ impl Place {
     }
 
     /// As statistics tell.
-    pub(crate) fn seen(seen: &Statistics) -> Place {
+    fn seen(seen: &Statistics) -> Place {
         Place { low: unordered(seen.low), high: unordered(seen.high), fastest: f32::from_bits(seen.fastest) }
     }
 }
@@ -68,6 +68,11 @@ impl Motion {
     /// After a state that was set, in the cloth's order: positions (m) and velocities (m/s).
     pub(crate) fn placed(cloth: &Cloth, x: &[Vec4], v: &[Vec4]) -> Motion {
         Motion { placed: Some(Place::of(x, v)), ..Motion::after(cloth, x, 0.0) }
+    }
+
+    /// Where the cloth is, as far as it is known, given the latest statistics.
+    pub(crate) fn place(&self, seen: Option<&Statistics>) -> Option<Place> {
+        seen.map(Place::seen).or(self.placed)
     }
 
     /// Pairs each collider with the one it moves from: itself if it is new, was teleported or has another kind of
