@@ -1,7 +1,6 @@
 // A pair of features that may collide: a vertex and a triangle, or two edges. src/kernels/pair.rs has the theory.
 
 const RELAXATION: f32 = 1.7;
-const CLEARANCE: f32 = 0.05;
 const THIN: f32 = 1e-6;
 const NARROW: f32 = 0.2;
 const LONG: f32 = 1e-6;
@@ -10,7 +9,6 @@ const DEEP: f32 = 0.2;
 const UNWINDING: f32 = 0.125;
 // A pair with a kinematic side is squeezed if it is too close by more than this share of its thickness.
 const SQUEEZED: f32 = 0.3;
-const SLIDING: f32 = 1.6;
 
 // The corners of a pair, and the weights with which they form the closest points (positive on one side, negative on the
 // other).
@@ -166,11 +164,6 @@ fn impulse(held: Multipliers, normal: vec3f) -> vec3f {
     return normal * held.lambda_n + held.lambda_t;
 }
 
-// The distance [m] that a vertex keeps from the middle plane of a pair.
-fn clearance(distance: f32, thickness: f32) -> f32 {
-    return max(distance * CLEARANCE, min(distance * 0.5, thickness * CLEARANCE));
-}
-
 // The correction [m] of a pair that is too close by `depth` [m]: in proportion to what it is beyond the slack, and at
 // most `most` [m].
 fn separation(depth: f32, thickness: f32, most: f32) -> f32 {
@@ -180,19 +173,6 @@ fn separation(depth: f32, thickness: f32, most: f32) -> f32 {
 // The share of the last substep's multipliers with which a pair starts that is too close by `depth` [m].
 fn warm_share(depth: f32, thickness: f32) -> f32 {
     return 1.0 - max(depth - thickness * DEEP, 0.0) * (UNWINDING / thickness);
-}
-
-// What is to be removed [m] from a displacement so that it slides along planes.
-fn excess(weighted: vec3f, squares: f32) -> vec3f {
-    return weighted * (SLIDING * squares / max(square(weighted), 1e-30));
-}
-
-// The share of a displacement toward a plane that keeps this distance.
-fn share_above(height: f32, clearance: f32, toward: f32) -> f32 {
-    if toward > 0.0 && height - toward < clearance {
-        return clamp((height - clearance) / toward, 0.0, 1.0);
-    }
-    return 1.0;
 }
 
 // The weights of the closest points of two edges, or of a vertex and a triangle.

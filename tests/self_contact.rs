@@ -244,14 +244,14 @@ fn what_moves_fast_is_not_slowed_down_by_its_neighbors() {
 
 /// A small sheet on a large one that is held at a slope of so many degrees: its speed (m/s) and distance (m) after some
 /// seconds.
-fn incline(degrees: f32, seconds: f32) -> (f64, f64) {
+fn incline(degrees: f32, seconds: f32, substeps: u32) -> (f64, f64) {
     let turn = Quat::from_rotation_z(-degrees.to_radians());
     let (mut mesh, small) = (Mesh::grid(13, 9, 2.4, 0.6), Mesh::grid(6, 6, 0.3, 0.3));
     let large = mesh.positions.len() as u32;
     mesh.positions.extend(small.positions.iter().map(|&x| Quat::from_rotation_y(0.3) * x + Vec3::new(-0.9, R, 0.0)));
     mesh.triangles.extend(small.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + large)));
     mesh.positions.iter_mut().for_each(|x| *x = turn * *x);
-    let mut scene = Scene::new(mesh, 40, Vec::new());
+    let mut scene = Scene::new(mesh, substeps, Vec::new());
     scene.options.pinned = (0..large).collect();
     let mut deformer = scene.deformer();
     let down = (turn * Vec3::X).as_dvec3();
@@ -262,21 +262,25 @@ fn incline(degrees: f32, seconds: f32) -> (f64, f64) {
     (along(deformer.velocities().unwrap()), way)
 }
 
-/// Friction .3 holds up to 16.699 degrees; beyond that the acceleration is `g (sin - mu cos)`.
+/// Friction .3 holds up to 16.699 degrees; beyond that the acceleration is `g (sin - mu cos)`, also where it slides by 1.6 thicknesses
+/// a substep in the end. Planes across the closest points of pairs alone leave half of the speed then.
 #[test]
 fn a_sheet_sticks_to_a_sheet_or_slides() {
-    let (speed, way) = incline(16.5, 1.0);
+    let (speed, way) = incline(16.5, 1.0, 40);
     println!("16.5 degrees: {speed:.2e} m/s, {way:.2e} m");
     assert!(speed.abs() < 1e-3, "it creeps at {speed} m/s");
-    let angle = 20.0_f64.to_radians();
-    let expected = 9.81 * (angle.sin() - 0.3 * angle.cos());
-    let (speed, way) = incline(20.0, 1.0);
-    println!(
-        "20 degrees: {:+.3} % of the speed, {:+.3} % of the way",
-        100.0 * (speed / expected - 1.0),
-        100.0 * (2.0 * way / expected - 1.0)
-    );
-    assert!((speed / expected - 1.0).abs() < 0.01, "it slides at {speed} m/s, expected {expected}");
+    for (degrees, seconds, substeps) in [(20.0, 1.0, 40), (40.0, 0.6, 5)] {
+        let angle = f64::from(degrees).to_radians();
+        let expected = 9.81 * (angle.sin() - 0.3 * angle.cos()) * f64::from(seconds);
+        let (speed, way) = incline(degrees, seconds, substeps);
+        let further = 2.0 * way / (expected * f64::from(seconds));
+        println!(
+            "{degrees} degrees: {:+.3} % of the speed, {:+.3} % of the way",
+            100.0 * (speed / expected - 1.0),
+            100.0 * (further - 1.0)
+        );
+        assert!((speed / expected - 1.0).abs() < 0.01, "{degrees} degrees: it slides at {speed} m/s, expected {expected}");
+    }
 }
 
 #[test]
@@ -400,11 +404,11 @@ fn a_start_that_crosses_is_let_go_until_it_parts() {
             _ => None,
         });
         if frame == 0 {
-            let (pairs, Crossing { edge, triangle, .. }) = told.expect("the start is reported");
-            assert_eq!(pairs, start.len());
+            let (pairs, Crossing { edge, triangle, .. }) = told.expect("what is left of the start is reported");
+            assert_eq!(pairs, now.len());
             let is_it =
                 |(e, t): &([u32; 2], [u32; 3])| e.iter().all(|v| edge.contains(v)) && t.iter().all(|v| triangle.contains(v));
-            assert!(start.iter().any(is_it), "{edge:?} through {triangle:?}");
+            assert!(now.iter().any(is_it), "{edge:?} through {triangle:?}");
         }
         last = now.len();
         let fastest = deformer.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);

@@ -100,7 +100,7 @@ shaders! {
         BENT_TILE: "bending" "stages/bend_ring" "stages/bend_vectors" "stages/bent_tile";
         CORRECTED_TILE: "average" "stages/corrected_tile";
     }
-    "stages/self_contact/" after ("limits" "distance" "contact" "pair" "stages/self_contact/shared") {
+    "stages/self_contact/" after ("limits" "distance" "contact" "pair" "plane" "stages/self_contact/shared") {
         BEGIN_CONTACT: "mean" "begin_contact";
         BODIES: "mean" "bodies";
         TREE: "boxes" "normals" "tree";

@@ -14,6 +14,7 @@ pub(crate) mod integrate;
 pub(crate) mod limits;
 pub(crate) mod pair;
 pub(crate) mod params;
+pub(crate) mod plane;
 pub(crate) mod rigid;
 pub(crate) mod spring;
 pub(crate) mod statistics;

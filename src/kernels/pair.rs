@@ -5,15 +5,10 @@
 //! other (sum -1). So `sum_i weight_i x_i` is the vector from the second side to the first, `sum_i weight_i u_i` is
 //! their relative displacement, and both kinds of pairs are treated alike.
 
-use glam::Vec3A;
-
 use crate::simd::{Lanes, Vector};
 
 /// Relaxation factor of the Jacobi iteration over pairs; it is stable below 2 (see [`step_of_lambda`]).
 pub(crate) const RELAXATION: f32 = 1.7;
-/// The [`clearance`], as a share of a pair's distance, or of the thickness if that is more.
-pub(crate) const CLEARANCE: f32 = 0.05;
-
 /// Share of the thickness by which a pair may be too close without being corrected: see [`separation`].
 pub(crate) const SLACK: f32 = 0.01;
 /// A pair that is too close by more than a share `DEEP` of its thickness loses a share of its multipliers per substep, which is
@@ -24,9 +19,6 @@ pub(crate) const UNWINDING: f32 = 0.125;
 /// A pair with a kinematic side (of a pin or a mesh collider) is squeezed if it is too close by more than this share of its
 /// thickness at the end of a step: if there were room, the kinematic side would have pushed the other one out.
 pub(crate) const SQUEEZED: f32 = 0.3;
-
-/// Relaxation factor of [`excess`]. It shortens displacements below 2, and below 1 leaves more of them to be truncated.
-pub(crate) const SLIDING: f32 = 1.6;
 
 /// A triangle counts as degenerate if the squared sine of the angle between two sides is below this.
 pub(crate) const THIN: f32 = 1e-6;
@@ -50,7 +42,7 @@ fn up<L: Lanes>(t: L) -> L::Mask {
 }
 
 #[inline(always)]
-fn clamp01<L: Lanes>(t: L) -> L {
+pub(crate) fn clamp01<L: Lanes>(t: L) -> L {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let t = t.max(zero);
     L::select(t.lt(one), t, one)
@@ -184,14 +176,6 @@ pub(crate) fn impulse<L: Lanes>((lambda_t, lambda_n): (Vector<L>, L), normal: Ve
     normal.mul_add(lambda_n, lambda_t)
 }
 
-/// The distance (m) that a vertex keeps to the middle plane of a pair whose sides are `distance` (m) apart, for cloth
-/// of a `thickness` (m).
-#[inline(always)]
-pub(crate) fn clearance<L: Lanes>(distance: L, thickness: L) -> L {
-    let (half, most) = (distance * L::splat(0.5), thickness * L::splat(CLEARANCE));
-    (distance * L::splat(CLEARANCE)).max(L::select(half.lt(most), half, most))
-}
-
 /// The correction (m) of a pair that is too close by `depth` (m), in a substep in which it may be `most` (m). It is
 /// proportional to the depth, so that cloth which is squeezed between two things comes to lie in the middle.
 ///
@@ -212,24 +196,6 @@ pub(crate) fn separation<L: Lanes>(depth: L, thickness: L, most: L) -> L {
 pub(crate) fn warm_share<L: Lanes>(depth: L, thickness: L) -> L {
     let deep = (depth - thickness * L::splat(DEEP)).max(L::splat(0.0));
     L::splat(1.0) - deep * (L::splat(UNWINDING) / thickness)
-}
-
-/// What is to be removed (m) from a displacement `u` so that it slides along planes, instead of being shortened as a whole.
-///
-/// If `n_k u` may be at most `l_k` and is `e_k` more, the mean of these conditions with weights `e_k` is `a u <= b`, where
-/// `a = sum_k e_k n_k`, which `u` exceeds by `sum_k e_k^2`. So it is projected onto that plane (surrogate constraints: Yang and
-/// Murty 1992, "New iterative methods for linear inequalities"), and beyond it.
-#[inline(always)]
-pub(crate) fn excess(weighted: Vec3A, squares: f32) -> Vec3A {
-    weighted * (SLIDING * squares / weighted.length_squared().max(1e-30))
-}
-
-/// The largest share of a displacement that may be taken. The displacement brings a vertex at `height` (m) above a
-/// plane nearer to it by `toward` (m), and it has to stay `clearance` (m) above.
-#[inline(always)]
-pub(crate) fn share_above<L: Lanes>(height: L, clearance: L, toward: L) -> L {
-    let cuts = L::and(L::splat(0.0).lt(toward), (height - toward).lt(clearance));
-    L::select(cuts, clamp01((height - clearance) / toward), L::splat(1.0))
 }
 
 #[cfg(test)]

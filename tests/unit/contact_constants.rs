@@ -7,12 +7,12 @@ use super::contacts::near::{self, voronoi};
 use super::contacts::{carry, pinches, truncation};
 use super::detection::{paths, tree};
 use super::surface::{LEAST_HELD, normals};
-use crate::kernels::pair;
+use crate::kernels::{pair, plane};
 
 pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
     vec![
         ("RELAXATION", Literal::F32(pair::RELAXATION)),
-        ("CLEARANCE", Literal::F32(pair::CLEARANCE)),
+        ("CLEARANCE", Literal::F32(plane::CLEARANCE)),
         ("THIN", Literal::F32(pair::THIN)),
         ("NARROW", Literal::F32(pair::NARROW)),
         ("LONG", Literal::F32(pair::LONG)),
@@ -20,7 +20,9 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("DEEP", Literal::F32(pair::DEEP)),
         ("UNWINDING", Literal::F32(pair::UNWINDING)),
         ("SQUEEZED", Literal::F32(pair::SQUEEZED)),
-        ("SLIDING", Literal::F32(pair::SLIDING)),
+        ("SLIDING", Literal::F32(plane::SLIDING)),
+        ("SEPARATES", Literal::F32(plane::SEPARATES)),
+        ("PARALLEL", Literal::F32(plane::PARALLEL)),
         ("LASTS", Literal::F32(paths::LASTS)),
         ("MARGIN_DECAY", Literal::F32(paths::MARGIN_DECAY)),
         ("MIN_AHEAD", Literal::F32(paths::AHEAD[0])),
@@ -32,6 +34,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("LEAST_HELD", Literal::F32(LEAST_HELD)),
         ("ACTING", Literal::F32(near::ACTING)),
         ("BESIDE", Literal::F32(voronoi::BESIDE)),
+        ("ALONGSIDE", Literal::F32(voronoi::ALONGSIDE)),
         ("ON_SIDE", Literal::F32(voronoi::ON_SIDE)),
         ("FARTHER", Literal::F32(truncation::FARTHER)),
         ("COINCIDENT", Literal::F32(pinches::COINCIDENT)),

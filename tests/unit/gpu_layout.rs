@@ -229,6 +229,8 @@ fn shared_structs_agree_member_for_member() {
             ];
             let of_contact = [
                 "Four",
+                "Plane",
+                "Held",
                 "Multipliers",
                 "Near",
                 "Proximity",

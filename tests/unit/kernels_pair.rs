@@ -1,10 +1,8 @@
 //! The closest points of a pair and its multipliers, compared with their definitions.
 
-use glam::{DVec3, Vec3A};
+use glam::DVec3;
 
-use super::{
-    SLIDING, clearance, edge_edge, excess, impulse, perpendicular, separation, share_above, step_of_lambda, vertex_triangle,
-};
+use super::{edge_edge, impulse, perpendicular, separation, step_of_lambda, vertex_triangle};
 use crate::simd::Vector;
 
 fn lanes(x: [DVec3; 4]) -> [Vector<f32>; 4] {
@@ -105,20 +103,6 @@ fn corrections_balance_in_the_middle() {
     }
 }
 
-#[test]
-fn a_share_ends_at_the_plane() {
-    let mut random = fastrand::Rng::with_seed(2);
-    for _ in 0..1000 {
-        let (distance, thickness) = (random.f32(), random.f32());
-        let clearance = clearance(distance, thickness);
-        assert!(clearance > 0.0 && clearance <= 0.5 * distance, "{clearance} of {distance}");
-        let (height, toward) = (0.5 * distance + random.f32(), 4.0 * random.f32() - 2.0);
-        let share = share_above(height, clearance, toward);
-        assert!((0.0..=1.0).contains(&share) && height - share * toward >= clearance - 1e-6);
-        assert!(share == 1.0 || (height - share * toward - clearance).abs() < 1e-5, "no shorter than it must be");
-    }
-}
-
 /// Features of 12 cm that nearly touch, half a meter from the origin: the direction between them is within the rounding
 /// of positions over the length of an edge. The vector between their closest points is tilted by that rounding over their
 /// distance, which over the length of an edge is more than the distance.
@@ -171,16 +155,4 @@ fn the_direction_is_perpendicular_to_the_corners_in_use_only() {
     let parallel = lanes([DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Y + DVec3::X]);
     let part = perpendicular(Vector::new(0.1, -1.0, 0.2), [0.5, 0.5, -0.5, -0.5], parallel, true);
     assert_eq!([part.x, part.y, part.z], [0.0, -1.0, 0.2]);
-}
-
-/// What one plane, the same plane twice, and two planes at a right angle forbid is removed by the relaxation factor, and nothing
-/// else.
-#[test]
-fn excess_is_what_planes_forbid() {
-    let close = |a: Vec3A, b: Vec3A| assert!(a.distance(b) < 1e-6, "{a} {b}");
-    let [x, y] = [Vec3A::X * 0.3, Vec3A::Y * 0.2];
-    close(excess(x, 0.09), SLIDING * x);
-    close(excess(2.0 * x, 0.18), SLIDING * x);
-    close(excess(x + y, 0.09 + 0.04), SLIDING * (x + y));
-    close(excess(Vec3A::ZERO, 0.0), Vec3A::ZERO);
 }

@@ -102,7 +102,9 @@ fn proximity_of(k: u32) -> Proximity {
         let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;
         var acts = gap < ACTING * pair.thickness && (inner || !is_edge);
         // Above a side or a corner of its triangle, a vertex may be closer to another triangle.
-        if acts && !is_edge {
+        if acts && is_edge {
+            acts = are_edges_closest(pair.corners, at, normal);
+        } else if acts {
             acts = is_closest(pair.corners.x, pair.corners.yzw, weights.yzw, closest.apart);
         }
         state = select(1u, 2u, acts);

@@ -6,9 +6,6 @@ override AGAIN: bool = false;
 // has shortened others.
 override ROUND: u32 = 0u;
 
-// More than any height [m].
-const FAR: f32 = 3e38;
-
 // The number of pairs with a normal impulse that a workgroup counts.
 var<workgroup> pressing: atomic<u32>;
 
@@ -20,72 +17,61 @@ fn way_of(v: u32) -> vec3f {
     return vertices[v].way.xyz;
 }
 
-// Computes the shares of its vertices' displacements with which a pair stays on both sides of the plane halfway
-// between.
+// Computes the shares of its vertices' displacements with which a pair stays on both sides of a plane between them.
 fn truncate_pair(n: Near) {
-    let sides = select(vec4f(1.0, -1.0, -1.0, -1.0), vec4f(1.0, 1.0, -1.0, -1.0), n.listed >= with_vertices);
-    let firsts = max(sides, vec4f());
-    let a = vertices[n.corners.x].x;
-    let b = vertices[n.corners.y].x;
-    let c = vertices[n.corners.z].x;
-    let d = vertices[n.corners.w].x;
-    let middle = between(n.weights * firsts, Four(a.xyz, b.xyz, c.xyz, d.xyz)) - n.normal * (0.5 * n.distance);
-    let clearance = clearance(n.distance, n.thickness);
-    let heights = sides * vec4f(
-        dot(n.normal, a.xyz - middle),
-        dot(n.normal, b.xyz - middle),
-        dot(n.normal, c.xyz - middle),
-        dot(n.normal, d.xyz - middle),
-    );
-    let towards = -sides * vec4f(
-        dot(n.normal, way_of(n.corners.x)),
-        dot(n.normal, way_of(n.corners.y)),
-        dot(n.normal, way_of(n.corners.z)),
-        dot(n.normal, way_of(n.corners.w)),
-    );
-    // Kinematic and carried corners are not truncated. As far as one of them would cross the plane, the plane is shifted;
-    // if both sides push, by the difference.
-    let w = vec4f(a.w, b.w, c.w, d.w);
+    let is_edge = n.listed >= with_vertices;
+    let w = inverse_masses(n.corners);
     let is_kinematic = w <= vec4f();
     // Which pairs are clear is decided in the first round only, because kernels may round differently. Holding others again
     // changes nothing.
     let is_free = !any(is_kinematic);
-    let is_left = ROUND == 0u && is_free && is_clear(heights, towards, firsts, clearance);
-    if is_left || (ROUND > 0u && !is_free) || (ROUND == 1u && !is_shortened(n.corners)) {
+    if (ROUND > 0u && !is_free) || (ROUND == 1u && !is_shortened(n.corners)) {
         return;
     }
-    let out = select(vec4f(), max(clearance - (heights - towards), vec4f()), is_kinematic);
-    let shift_from_first = most_of(out * firsts);
-    let shift_from_second = most_of(out * (1.0 - firsts));
-    let shifted = heights - sides * (shift_from_second - shift_from_first);
+    let at = positions(n.corners);
+    let ways = Four(way_of(n.corners.x), way_of(n.corners.y), way_of(n.corners.z), way_of(n.corners.w));
+    let firsts = firsts_of(is_edge);
+    let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
+    let heights = (2.0 * firsts - 1.0) * along_normal(n.normal, Four(at.a - middle, at.b - middle, at.c - middle, at.d - middle));
+    var plane = Plane(n.normal, heights, clearance(n.distance, n.thickness));
+    var held = hold(plane, ways, is_kinematic, is_edge);
+    if ROUND == 0u && is_free && stays_between(plane, held.towards, is_edge) {
+        return;
+    }
+    if least_of(held.shares) == 1.0 && held.passed_by == 0.0 {
+        return;
+    }
+    let least_gap = SEPARATES * gap_of(plane.heights, is_edge);
+    var normals = sliding_normals(n.normal, at, ways, is_edge);
+    for (var k = 0; k < 2; k++) {
+        let other = halfway(normals[k], at, contact_params.thickness, is_edge);
+        let by = hold(other, ways, is_kinematic, is_edge);
+        let shortens_less = by.passed_by == held.passed_by && least_of(by.shares) > least_of(held.shares);
+        if (by.passed_by < held.passed_by || shortens_less) && gap_of(other.heights, is_edge) > least_gap {
+            plane = other;
+            held = by;
+        }
+    }
     // The plane, and the vertex that shifted it, may have moved past a vertex that stays in place, or two kinematic sides
     // into each other.
-    if any(select(shifted, vec4f(), is_kinematic) < vec4f()) || shift_from_second + shift_from_first > 2.0 * clearance {
+    if held.passed_by > 0.0 {
         let at = atomicAdd(&contact_state.status.passed, 1u);
-        let is_edge = n.listed >= with_vertices;
         pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
     }
-    truncate_vertex(n.corners.x, w.x, share_above(shifted.x, clearance, towards.x));
-    truncate_vertex(n.corners.y, w.y, share_above(shifted.y, clearance, towards.y));
-    truncate_vertex(n.corners.z, w.z, share_above(shifted.z, clearance, towards.z));
-    truncate_vertex(n.corners.w, w.w, share_above(shifted.w, clearance, towards.w));
-    if !AGAIN && contact_params.mesh_leaves > 0u && any(is_kinematic) {
-        let beyond = towards - max(shifted - clearance, vec4f());
-        let is_beyond = !is_kinematic & (towards > vec4f()) & (beyond > vec4f());
+    truncate_vertex(n.corners.x, w.x, held.shares.x);
+    truncate_vertex(n.corners.y, w.y, held.shares.y);
+    truncate_vertex(n.corners.z, w.z, held.shares.z);
+    truncate_vertex(n.corners.w, w.w, held.shares.w);
+    if !AGAIN && contact_params.mesh_leaves > 0u && !is_free {
+        let beyond = held.towards - max(held.heights - plane.clearance, vec4f());
+        let is_beyond = !is_kinematic & (held.towards > vec4f()) & (beyond > vec4f());
         let by = select(vec4f(), min(beyond, vec4f(contact_params.thickness)), is_beyond);
-        slide_vertex(n.corners.x, -sides.x * n.normal, by.x);
-        slide_vertex(n.corners.y, -sides.y * n.normal, by.y);
-        slide_vertex(n.corners.z, -sides.z * n.normal, by.z);
-        slide_vertex(n.corners.w, -sides.w * n.normal, by.w);
+        let directions = 1.0 - 2.0 * firsts;
+        slide_vertex(n.corners.x, directions.x * plane.normal, by.x);
+        slide_vertex(n.corners.y, directions.y * plane.normal, by.y);
+        slide_vertex(n.corners.z, directions.z * plane.normal, by.z);
+        slide_vertex(n.corners.w, directions.w * plane.normal, by.w);
     }
-}
-
-// Whether a plane that moves along with a pair stays between its sides.
-fn is_clear(heights: vec4f, towards: vec4f, firsts: vec4f, clearance: f32) -> bool {
-    let ends = heights - towards;
-    let of_firsts = least_of(select(vec4f(FAR), ends, firsts > vec4f()));
-    let of_seconds = least_of(select(ends, vec4f(FAR), firsts > vec4f()));
-    return least_of(heights) > 0.0 && of_firsts + of_seconds > 2.0 * clearance;
 }
 
 // Whether the first round has shortened a corner of a pair without kinematic ones.
@@ -95,14 +81,6 @@ fn is_shortened(corners: vec4u) -> bool {
 
 fn share_of(v: u32) -> f32 {
     return bitcast<f32>(atomicLoad(&sums[SUMS * v + SHARE]));
-}
-
-fn least_of(v: vec4f) -> f32 {
-    return min(min(v.x, v.y), min(v.z, v.w));
-}
-
-fn most_of(v: vec4f) -> f32 {
-    return max(max(v.x, v.y), max(v.z, v.w));
 }
 
 // The second round leaves the shares alone that it reads, and notes what it cuts.

@@ -1,10 +1,12 @@
-// Whether the closest point of a triangle is the closest one of the surface around it: src/contact/contacts/near/voronoi.rs has
-// the theory.
+// Whether the closest points of a pair are the closest ones of the surfaces around them: src/contact/contacts/near/voronoi.rs has the
+// theory.
 
 // A vertex counts as above a side or a corner, too, if it is beyond by an angle of at most this.
 const BESIDE: f32 = 0.01;
 // A closest point is on a side or at a corner if a weight is less than this.
 const ON_SIDE: f32 = 1e-5;
+// Edges run alongside each other if the squared sine of the angle between them is less than this.
+const ALONGSIDE: f32 = 0.01;
 
 fn is_above(apart: vec3f, way: vec3f) -> bool {
     return dot(apart, way) <= BESIDE * length(apart) * length(way);
@@ -41,4 +43,15 @@ fn is_above_triangles(a: u32, b: u32, apart: vec3f, side: vec3f) -> bool {
         }
     }
     return true;
+}
+
+// Whether the closest points of edges, which are apart in a direction, are the closest ones of the surfaces around them, if the edges
+// run alongside each other.
+fn are_edges_closest(corners: vec4u, at: Four, apart: vec3f) -> bool {
+    let first = at.b - at.a;
+    let second = at.d - at.c;
+    if square(cross(first, second)) >= square(first) * square(second) * ALONGSIDE {
+        return true;
+    }
+    return is_above_triangles(corners.x, corners.y, -apart, first) && is_above_triangles(corners.z, corners.w, apart, second);
 }

@@ -15,7 +15,7 @@ use super::{Contacts, HoldOutcome};
 use crate::contact::input::ContactInput;
 use crate::contact::surface::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::CLEARANCE;
+use crate::kernels::plane::CLEARANCE;
 use crate::simd::Vector;
 
 /// How many times in a substep more vertices may be carried.

@@ -24,6 +24,7 @@ use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::simd;
 use near::approach::{PatchMotion, patch};
+use near::group::Member;
 use near::portions::{PORTION, Portion};
 use near::voronoi::Around;
 use near::{Find, FindAgain};
@@ -207,6 +208,10 @@ impl Contacts {
         let around = Around { surface: input.surface, x: input.x, vertices };
         let owner = |vertex: u32| input.surface.owner[vertices[vertex as usize].index as usize];
         let friction = |[a, _, _, d]: [u32; 4]| input.friction[owner(a).max(owner(d)) as usize];
+        let member = |kind: Kind, corners: [u32; 4], listed: u32, thickness: f32| {
+            let opposite = if kind == Kind::EdgeEdge { around.opposite(corners) } else { [0; 4] };
+            Member { corners, opposite, listed, thickness, friction: friction(corners) }
+        };
         let mut portions = &mut portions[..*used];
         let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
             let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
@@ -229,7 +234,9 @@ impl Contacts {
                     portion.bunches.advance(motions, input.most_push, input.surface.thickness);
                     simd::run(input.context.width, Find { corners, thickness, x, u, safe_until, most_push, around, portion });
                     if !portion.joining.is_empty() || !keeps_groups {
-                        portion.join((pairs, corners), lambda, safe_until, friction, ranges);
+                        let kind = portion.kind;
+                        let member = |corners, listed, thickness| member(kind, corners, listed, thickness);
+                        portion.join((pairs, corners), lambda, safe_until, member, ranges);
                     }
                     if !keeps_groups {
                         // Pairs that do not act have no multipliers.

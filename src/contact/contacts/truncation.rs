@@ -25,9 +25,10 @@ use glam::{DVec3, Vec4};
 use super::{Contacts, GRAIN};
 use crate::contact::contacts::near::portions::{Portion, Truncation};
 use crate::contact::input::ContactInput;
-use crate::contact::surface::lanes::{number, scattered, store, vector, whole_corners_of};
+use crate::contact::surface::lanes::{corners_of, number, scattered, store, vector, whole_corners_of};
+use crate::contact::surface::pairs::Kind;
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::{excess, share_above};
+use crate::kernels::plane::{Plane, excess};
 use crate::simd::{self, Bits, Loop, MAX_LANES, Registers};
 
 /// How much farther contact may move a vertex than it was about to move, as a multiple of its
@@ -110,10 +111,10 @@ impl Contacts {
     /// Shortens displacements by the planes of pairs: in the first round of those that are not clear, in later ones of those that
     /// were and have a corner that is shortened by now, and in the last of all others. Returns false if there are none.
     fn shorten(&mut self, input: ContactInput<'_>, round: usize) -> bool {
-        let Contacts { portions, used, relative, shares, .. } = self;
+        let Contacts { portions, used, x, relative, shares, .. } = self;
         let (workers, width) = (input.context.workers, input.context.width);
         let (may_slide, thickness) = (input.may_slide, input.surface.thickness);
-        let (relative, portions): (&[Vec4], _) = (relative, &mut portions[..*used]);
+        let (x, relative, portions): (&[Vec4], &[Vec4], _) = (x, relative, &mut portions[..*used]);
         let (is_first, so_far) = (round == 0, &*shares);
         workers.each(Portion::shared(portions, workers), |parts| {
             for portion in parts.into_iter().flatten() {
@@ -126,7 +127,7 @@ impl Contacts {
                     found.hold_more(portion.blocks(), |corner| round == HOLDING_ROUNDS || so_far[corner as usize] < 1.0);
                 }
                 if is_first || found.holds() {
-                    simd::run(width, Shares { portion, relative, may_slide, thickness, is_first, found: &mut found });
+                    simd::run(width, Shares { portion, x, relative, may_slide, thickness, is_first, found: &mut found });
                 }
                 portion.truncation = found;
             }
@@ -139,13 +140,11 @@ impl Contacts {
     }
 }
 
-/// Computes the share of its displacement relative to the common motion that each vertex of near pairs may take.
-///
-/// A pair without kinematic corners is clear if a plane across its normal, which moves along with it, stays between its sides:
-/// its corners are on their sides, and at the end those of both that are nearest to each other are still farther apart than
-/// twice the clearance. Paths and plane are straight, so that it also holds in between.
+/// Computes the share of its displacement relative to the common motion that each vertex of near pairs may take. A pair without
+/// kinematic corners is clear if a plane that moves along with it [stays between](Plane::stays_between) its sides.
 struct Shares<'a> {
     portion: &'a Portion,
+    x: &'a [Vec4],
     relative: &'a [Vec4],
     may_slide: bool,
     thickness: f32,
@@ -157,8 +156,8 @@ struct Shares<'a> {
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, relative, may_slide, thickness, is_first, found } = self;
-        let kind = portion.kind;
+        let Shares { portion, x, relative, may_slide, thickness, is_first, found } = self;
+        let (kind, is_edge) = (portion.kind, portion.kind == Kind::EdgeEdge);
         let (zero, one, thickness) = (L::splat(0.0), L::splat(1.0), L::splat(thickness));
         let rows = |(index, block)| (0..MAX_LANES).step_by(L::LANES).map(move |first| (index, block, first));
         for (index, block, first) in portion.blocks().enumerate().flat_map(rows) {
@@ -169,55 +168,31 @@ impl Loop for Shares<'_> {
             }
             let places = &block.corners[first..first + L::LANES];
             let (relative, is_kinematic) = whole_corners_of::<L>(relative, places);
+            let [a, b, c, d] = &block.heights;
+            let heights = [number(a, first), number(b, first), number(c, first), number(d, first)];
             let (normal, clearance) = (vector::<L>(&block.normal, first), number::<L>(&block.clearance, first));
-            let mut heights = [zero; 4];
-            let mut towards = [zero; 4];
-            // The least height of a corner, and the least of each side at the end.
-            let (mut lowest, mut ends) = (L::splat(f32::MAX), [L::splat(f32::MAX); 2]);
-            let (mut shift_from_first, mut shift_from_second) = (zero, zero);
-            for k in 0..4 {
-                let of_first = k < kind.first_side();
-                let side = if of_first { one } else { L::splat(-1.0) };
-                heights[k] = number(&block.heights[k], first);
-                towards[k] = (zero - side) * normal.dot(relative[k]);
-                let end = &mut ends[usize::from(!of_first)];
-                (lowest, *end) = (lowest.min(heights[k]), end.min(heights[k] - towards[k]));
-                // Kinematic and carried corners are not truncated. As far as one of them would cross the plane, the plane
-                // is shifted; if both sides push, by the difference.
-                let out = (clearance - (heights[k] - towards[k])).max(zero) * is_kinematic[k];
-                if of_first {
-                    shift_from_first = shift_from_first.max(out);
-                } else {
-                    shift_from_second = shift_from_second.max(out);
-                }
-            }
-            let shift = shift_from_second - shift_from_first;
+            let mut plane = Plane { normal, heights, clearance };
+            let mut held = plane.hold(relative, is_kinematic, is_edge);
             let kinematic_corners = (is_kinematic[0] + is_kinematic[1]) + (is_kinematic[2] + is_kinematic[3]);
             if is_first {
-                let stays = L::and(zero.lt(lowest), (clearance + clearance).lt(ends[0] + ends[1]));
                 let is_free = L::eq(kinematic_corners, zero);
-                let clear = L::bits(L::and(is_free, stays)) & near;
+                let clear = L::bits(L::and(is_free, plane.stays_between(held.towards, is_edge))) & near;
                 found.clear[index] |= clear << first;
                 near &= !clear;
-                if near == 0 {
-                    continue;
-                }
             }
+            if near & (L::bits(held.least_share().lt(one)) | L::bits(zero.lt(held.passed_by))) == 0 {
+                continue;
+            }
+            (plane, held) = plane.least_shortening(corners_of::<L>(x, places), (relative, is_kinematic), thickness, is_edge);
             let has_kinematic = if may_slide { L::bits(zero.lt(kinematic_corners)) } else { 0 };
-            // Two kinematic sides may also move into each other.
-            let mut passed_by = (shift_from_second + shift_from_first - clearance - clearance).max(zero);
             for k in 0..4 {
-                let along = if k < kind.first_side() { zero - shift } else { shift };
-                let height = heights[k] + along;
-                let share = L::select(zero.lt(is_kinematic[k]), one, share_above(height, clearance, towards[k]));
-                passed_by = passed_by.max(L::select(zero.lt(is_kinematic[k]), zero, zero - height));
-                let lanes = L::bits(share.lt(one)) & near;
+                let lanes = L::bits(held.shares[k].lt(one)) & near;
                 if lanes != 0 {
                     let (mut shares, mut beyond, mut squares) = ([0.0; MAX_LANES], [Vec4::ZERO; MAX_LANES], [0.0; MAX_LANES]);
-                    store(&mut shares, share);
+                    store(&mut shares, held.shares[k]);
                     if has_kinematic != 0 {
-                        let by = (towards[k] - (height - clearance).max(zero)).min(thickness);
-                        scattered(normal * (if k < kind.first_side() { zero - by } else { by }), &mut beyond);
+                        let by = (held.towards[k] - (held.heights[k] - plane.clearance).max(zero)).min(thickness);
+                        scattered(plane.normal * (if k < kind.first_side() { zero - by } else { by }), &mut beyond);
                         store(&mut squares, by * by);
                     }
                     for lane in Bits(lanes.into()) {
@@ -228,7 +203,7 @@ impl Loop for Shares<'_> {
                     }
                 }
             }
-            for lane in Bits((L::bits(zero.lt(passed_by)) & near).into()) {
+            for lane in Bits((L::bits(zero.lt(held.passed_by)) & near).into()) {
                 found.passed.push(places[lane]);
             }
         }

@@ -33,6 +33,8 @@ impl Default for Block {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Group {
     pub block: Block,
+    /// Of pairs of edges, vertices of the cloth: see [`Around::opposite`](super::voronoi::Around::opposite).
+    pub opposite: [[u32; 4]; MAX_LANES],
     /// Indices in the list.
     pub listed: [u32; MAX_LANES],
     /// The distance (m) at which they are held apart.
@@ -59,6 +61,7 @@ impl Default for Group {
         let zero = [0.0; MAX_LANES];
         Group {
             block: Block::default(),
+            opposite: [[0; 4]; MAX_LANES],
             listed: [0; MAX_LANES],
             count: 0,
             thickness: zero,
@@ -72,19 +75,29 @@ impl Default for Group {
     }
 }
 
-/// What does not change about a pair: its corners, its index in the list, its thickness (m), and its friction.
-pub(crate) type Member = ([u32; 4], u32, f32, f32);
+/// What does not change about a pair in a group.
+#[derive(Clone, Copy)]
+pub(crate) struct Member {
+    pub corners: [u32; 4],
+    pub opposite: [u32; 4],
+    pub listed: u32,
+    pub thickness: f32,
+    pub friction: f32,
+}
 
 impl Group {
     pub(crate) fn put(&mut self, lane: usize, pair: Member, multiplier: Vec4) {
-        (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]) = pair;
+        let Member { corners, opposite, listed, thickness, friction } = pair;
+        (self.block.corners[lane], self.opposite[lane], self.listed[lane]) = (corners, opposite, listed);
+        (self.thickness[lane], self.friction[lane]) = (thickness, friction);
         (0..3).for_each(|axis| self.lambda_t[axis][lane] = multiplier[axis]);
         self.lambda_n[lane] = multiplier.w;
     }
 
     /// A pair, and its multiplier as it is stored in the list.
     pub(crate) fn pair(&self, lane: usize) -> (Member, Vec4) {
-        let pair = (self.block.corners[lane], self.listed[lane], self.thickness[lane], self.friction[lane]);
+        let (corners, opposite, listed) = (self.block.corners[lane], self.opposite[lane], self.listed[lane]);
+        let pair = Member { corners, opposite, listed, thickness: self.thickness[lane], friction: self.friction[lane] };
         let [x, y, z] = &self.lambda_t;
         (pair, Vec4::new(x[lane], y[lane], z[lane], self.lambda_n[lane]))
     }

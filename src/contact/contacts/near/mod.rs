@@ -10,12 +10,13 @@ use glam::Vec4;
 
 use crate::contact::surface::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
 use crate::contact::surface::pairs::{Kind, between, closest};
-use crate::kernels::pair::{clearance, is_tilted, perpendicular};
+use crate::kernels::pair::{is_tilted, perpendicular};
+use crate::kernels::plane::clearance;
 use crate::simd::{Bits, Loop, MAX_LANES, Registers, Vector};
 use approach::BUNCH;
 use group::{Block, Group, Weights};
 use portions::Portion;
-use voronoi::{Around, ON_SIDE};
+use voronoi::{Around, ON_SIDE, run_alongside};
 
 /// A pair acts if it comes closer than its thickness plus this multiple of it. Other near pairs are held by truncation
 /// only.
@@ -91,9 +92,17 @@ impl<L: Registers> Proximity<L> {
     }
 
     /// Which of the near pairs act, given the displacements (m) of vertices, and the two weights that determine all: see
-    /// [`Kind::weights`].
+    /// [`Kind::weights`]. Of pairs of edges in groups, the [`opposite`](Around::opposite) vertices are known.
     #[inline(always)]
-    fn acting(&self, kind: Kind, u: &[Vec4], corners: &[[u32; 4]], thickness: L, around: Around<'_>) -> (L::Mask, [L; 2]) {
+    fn acting(
+        &self,
+        kind: Kind,
+        u: &[Vec4],
+        corners: &[[u32; 4]],
+        opposite: Option<&[[u32; 4]]>,
+        thickness: L,
+        around: Around<'_>,
+    ) -> (L::Mask, [L; 2]) {
         let Proximity { weights, distance, normal, .. } = *self;
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         let gap = distance - thickness + normal.dot(between(weights, corners_of::<L>(u, corners)));
@@ -109,7 +118,20 @@ impl<L: Registers> Proximity<L> {
             Kind::EdgeEdge => {
                 let (s, t) = (weights[1], weights[3]);
                 let inner = L::and(L::and(zero.lt(s), s.lt(one)), L::and(t.lt(zero), L::splat(-1.0).lt(t)));
-                (L::and(acts, inner), [s, t])
+                let acts = L::and(acts, inner);
+                let tested = L::and(acts, run_alongside(self.x));
+                let lanes = L::bits(tested);
+                if lanes == 0 {
+                    return (acts, [s, t]);
+                }
+                let mut found = [[0; 4]; MAX_LANES];
+                if opposite.is_none() {
+                    for lane in Bits(lanes.into()) {
+                        found[lane] = around.opposite(corners[lane]);
+                    }
+                }
+                let beside = L::select(tested, around.edges_beside(opposite.unwrap_or(&found), self.x, normal), zero);
+                (L::and(acts, L::eq(beside, zero)), [s, t])
             }
         }
     }
@@ -160,7 +182,7 @@ impl Loop for Find<'_> {
             if near == 0 {
                 continue;
             }
-            let acts = L::bits(proximity.acting(kind, u, corners, thickness, around).0);
+            let acts = L::bits(proximity.acting(kind, u, corners, None, thickness, around).0);
             if near != acts {
                 if first == MAX_LANES {
                     blocks.push(Block::default());
@@ -206,7 +228,14 @@ impl Loop for FindAgain<'_> {
                 let thickness = number::<L>(&group.thickness, first);
                 let proximity = proximity_of(kind, x, &group.block.corners[lanes.clone()], thickness, most_push, is_pair);
                 proximity.note(kind, thickness, &mut group.block, first);
-                let (acts, [free, last]) = proximity.acting(kind, u, &group.block.corners[lanes.clone()], thickness, around);
+                let (acts, [free, last]) = proximity.acting(
+                    kind,
+                    u,
+                    &group.block.corners[lanes.clone()],
+                    Some(&group.opposite[lanes.clone()]),
+                    thickness,
+                    around,
+                );
                 let weights = kind.weights(free, last);
                 for (to, weights) in to.0.iter_mut().zip(weights) {
                     store(&mut to[lanes.clone()], L::select(acts, weights, zero));

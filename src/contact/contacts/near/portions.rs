@@ -8,7 +8,7 @@
 use glam::Vec4;
 
 use super::approach::{ApproachBound, BUNCH, Bunches};
-use super::group::{Block, Group};
+use super::group::{Block, Group, Member};
 use crate::contact::ranges::Ranges;
 use crate::contact::surface::pairs::{Kind, Listed};
 use crate::contact::workers::Workers;
@@ -135,7 +135,7 @@ impl Portion {
         (pairs, corners): (&[Listed], &[[u32; 4]]),
         lambda: &[Vec4],
         safe_until: &mut [f32],
-        friction: impl Fn([u32; 4]) -> f32,
+        member: impl Fn([u32; 4], u32, f32) -> Member,
         ranges: Ranges,
     ) {
         let mut left = self.members();
@@ -149,8 +149,7 @@ impl Portion {
             let (group, lane) = (place / MAX_LANES, place % MAX_LANES);
             let (pair, multiplier) = if let Some(pair) = joining.next_if(|&pair| left == 0 || pair > listed(groups, left - 1)) {
                 safe_until[pair] = f32::INFINITY;
-                let friction = friction(corners[pair]);
-                ((corners[pair], (*first + pair) as u32, pairs[pair].thickness, friction), lambda[pair])
+                (member(corners[pair], (*first + pair) as u32, pairs[pair].thickness), lambda[pair])
             } else {
                 left -= 1;
                 groups[left / MAX_LANES].pair(left % MAX_LANES)

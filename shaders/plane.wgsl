@@ -1,0 +1,123 @@
+// A plane between the two sides of a pair, which none of its corners may cross. src/kernels/plane.rs has the theory.
+
+const CLEARANCE: f32 = 0.05;
+const SEPARATES: f32 = 0.25;
+const SLIDING: f32 = 1.6;
+const PARALLEL: f32 = 1e-6;
+// More than any height [m].
+const FAR: f32 = 3e38;
+
+// A plane between the sides of a pair: its unit normal, toward the first side, the distance [m] of each corner on its side, and the
+// distance that it keeps.
+struct Plane {
+    normal: vec3f,
+    heights: vec4f,
+    clearance: f32,
+}
+
+// How far the corners of a pair may move without crossing a plane: the heights [m] above the plane where kinematic corners have
+// shifted it, how far they move toward it, and the shares of their displacements that are left; how far the plane moves past a corner,
+// or two kinematic sides into each other.
+struct Held {
+    heights: vec4f,
+    towards: vec4f,
+    shares: vec4f,
+    passed_by: f32,
+}
+
+// 1 for the corners of the first side, 0 for those of the second.
+fn firsts_of(is_edge: bool) -> vec4f {
+    return select(vec4f(1.0, 0.0, 0.0, 0.0), vec4f(1.0, 1.0, 0.0, 0.0), is_edge);
+}
+
+fn least_of(v: vec4f) -> f32 {
+    return min(min(v.x, v.y), min(v.z, v.w));
+}
+
+fn most_of(v: vec4f) -> f32 {
+    return max(max(v.x, v.y), max(v.z, v.w));
+}
+
+fn along_normal(normal: vec3f, v: Four) -> vec4f {
+    return vec4f(dot(normal, v.a), dot(normal, v.b), dot(normal, v.c), dot(normal, v.d));
+}
+
+// The plane across a unit vector halfway between the sides.
+fn halfway(normal: vec3f, at: Four, thickness: f32, is_edge: bool) -> Plane {
+    let along = along_normal(normal, Four(vec3f(), at.b - at.a, at.c - at.a, at.d - at.a));
+    let firsts = firsts_of(is_edge);
+    let first = least_of(select(vec4f(FAR), along, firsts > vec4f()));
+    let second = most_of(select(along, vec4f(-FAR), firsts > vec4f()));
+    let heights = (2.0 * firsts - 1.0) * (along - 0.5 * (first + second));
+    return Plane(normal, heights, clearance(first - second, thickness));
+}
+
+// The distance [m] between the sides along the normal, given the heights of corners.
+fn gap_of(heights: vec4f, is_edge: bool) -> f32 {
+    let is_first = firsts_of(is_edge) > vec4f();
+    return least_of(select(vec4f(FAR), heights, is_first)) + least_of(select(heights, vec4f(FAR), is_first));
+}
+
+// How far corners with displacements `u` may move. Kinematic ones are not shortened. As far as one of them would cross the plane, the
+// plane is shifted; if both sides push, by the difference.
+fn hold(plane: Plane, u: Four, is_kinematic: vec4<bool>, is_edge: bool) -> Held {
+    let firsts = firsts_of(is_edge);
+    let sides = 2.0 * firsts - 1.0;
+    let towards = -sides * along_normal(plane.normal, u);
+    let out = select(vec4f(), max(plane.clearance - (plane.heights - towards), vec4f()), is_kinematic);
+    let from_first = most_of(out * firsts);
+    let from_second = most_of(out * (1.0 - firsts));
+    let heights = plane.heights - sides * (from_second - from_first);
+    let shares = vec4f(
+        share_above(heights.x, plane.clearance, towards.x),
+        share_above(heights.y, plane.clearance, towards.y),
+        share_above(heights.z, plane.clearance, towards.z),
+        share_above(heights.w, plane.clearance, towards.w),
+    );
+    let passed_by = max(from_second + from_first - 2.0 * plane.clearance, most_of(select(-heights, vec4f(), is_kinematic)));
+    return Held(heights, towards, select(shares, vec4f(1.0), is_kinematic), max(passed_by, 0.0));
+}
+
+// Whether the plane stays between the sides of a pair without kinematic corners if it moves along with it.
+fn stays_between(plane: Plane, towards: vec4f, is_edge: bool) -> bool {
+    return least_of(plane.heights) > 0.0 && gap_of(plane.heights - towards, is_edge) > 2.0 * plane.clearance;
+}
+
+fn unit(v: vec3f) -> vec3f {
+    return v / max(length(v), 1e-30);
+}
+
+// The normals of planes along which the sides of a pair may slide.
+fn sliding_normals(apart: vec3f, at: Four, u: Four, is_edge: bool) -> array<vec3f, 2> {
+    var way = u.a - (u.b + u.c + u.d) / 3.0;
+    var across = cross(at.c - at.b, at.d - at.b);
+    if is_edge {
+        way = u.a + u.b - u.c - u.d;
+        let first = at.b - at.a;
+        let second = at.d - at.c;
+        across = cross(first, second);
+        if square(across) < square(first) * square(second) * PARALLEL {
+            across = cross(first, way);
+        }
+    }
+    across = select(across, -across, dot(across, apart) < 0.0);
+    return array(unit(without(apart, way)), unit(across));
+}
+
+// The distance [m] that a vertex keeps to the plane between the sides of a pair.
+fn clearance(distance: f32, thickness: f32) -> f32 {
+    return max(distance * CLEARANCE, min(distance * 0.5, thickness * CLEARANCE));
+}
+
+// The share of a displacement toward a plane that keeps this distance.
+fn share_above(height: f32, clearance: f32, toward: f32) -> f32 {
+    if toward > 0.0 && height - toward < clearance {
+        return clamp((height - clearance) / toward, 0.0, 1.0);
+    }
+    return 1.0;
+}
+
+// What is to be removed [m] from a displacement so that it slides along planes.
+fn excess(weighted: vec3f, squares: f32) -> vec3f {
+    return weighted * (SLIDING * squares / max(square(weighted), 1e-30));
+}
