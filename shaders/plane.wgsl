@@ -1,7 +1,7 @@
 // A plane between the two sides of a pair, which none of its corners may cross. src/kernels/plane.rs has the theory.
 
 const CLEARANCE: f32 = 0.05;
-const SEPARATES: f32 = 0.25;
+const SEPARATES: f32 = 0.03;
 const SLIDING: f32 = 1.6;
 const PARALLEL: f32 = 1e-6;
 // More than any height [m].

@@ -13,7 +13,7 @@ use crate::simd::{Lanes, Vector};
 pub(crate) const CLEARANCE: f32 = 0.05;
 /// The sides of a pair must be at least this share of their distance apart along the normal of a plane that is used instead of the
 /// one across the vector between their closest points.
-pub(crate) const SEPARATES: f32 = 0.25;
+pub(crate) const SEPARATES: f32 = 0.03;
 /// Relaxation factor of [`excess`]. It shortens displacements below 2, and below 1 leaves more of them to be truncated.
 pub(crate) const SLIDING: f32 = 1.6;
 /// Two edges count as parallel if the squared sine of the angle between them is below this.
@@ -96,8 +96,8 @@ impl<L: Lanes> Plane<L> {
         let [a, b, c, d] = self.heights;
         let lowest = a.min(b).min(c.min(d));
         let mut end = *self;
-        for k in 0..4 {
-            end.heights[k] = self.heights[k] - towards[k];
+        for (height, toward) in end.heights.iter_mut().zip(towards) {
+            *height = *height - toward;
         }
         L::and(L::splat(0.0).lt(lowest), (self.clearance + self.clearance).lt(end.gap(is_edge)))
     }

@@ -52,7 +52,7 @@ impl fmt::Display for Warning {
             Warning::ContactOutruns { speed, resolved } => {
                 write!(
                     f,
-                    "pins, mesh colliders or cloth on them move relative to each other at {speed:.1} m/s, faster than the {resolved:.1} m/s that contact resolves with these substeps"
+                    "pins or mesh colliders move relative to each other at {speed:.1} m/s, faster than the {resolved:.1} m/s that contact resolves with these substeps"
                 )
             }
             Warning::BodyCrossings { pairs, collider } => {

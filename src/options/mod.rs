@@ -177,8 +177,7 @@ pub enum Tethers {
 /// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand. What merely touches at the start does not
 /// cross: features closer than a ten-thousandth of the thickness, or than rounding, are moved apart by some micrometers.
 ///
-/// Cloth slides over cloth by at most about its thickness in a substep, whatever the friction: at 300 substeps per second and
-/// 5 mm, 1.5 m/s. Where it should be faster, take more substeps or a larger thickness.
+/// Flat cloth slides over cloth and mesh colliders as its friction says, also by several times the thickness in a substep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same

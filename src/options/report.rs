@@ -142,10 +142,9 @@ pub enum Warning {
         /// The highest speed (m/s) that the substeps can carry: one edge length, or one thickness, per substep.
         carried: f32,
     },
-    /// Pins, mesh colliders and cloth without pins near these move relative to each other by more than two thirds of the contact
+    /// Pins and mesh colliders near the cloth move relative to each other by more than two thirds of the contact
     /// thickness per substep, so that they may pass through cloth that is caught between them. Cloth that only one of them hits is carried along
-    /// and does not let it through; cloth without pins that slides over one so fast is dragged along by its edges, even without
-    /// friction. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up to 256 per
+    /// and does not let it through. Take more substeps ([`Quality::Strain`](crate::Quality::Strain) takes up to 256 per
     /// 1/60 s for this), increase [`Contact::thickness`](crate::Contact::thickness), or move them more slowly.
     ContactOutruns {
         /// The largest speed (m/s) of any of them relative to the midpoint of the range of their velocities. A velocity

@@ -24,8 +24,8 @@ pub(crate) struct Load {
     /// Speed of the fastest collider that may touch the cloth (m/s), relative to the pins where that is slower, and to the
     /// course of cloth without any.
     pub collider_speed: f64,
-    /// With contact of triangles: how fast (m/s) pins, mesh colliders and cloth without pins move relative to each other; contact has
-    /// to give way to that.
+    /// With contact of triangles: how fast (m/s) pins and mesh colliders move relative to each other; contact has to
+    /// give way to that.
     pub kinematic_speed: f64,
     /// Dynamic pressure (Pa) of the wind on cloth that goes along with the pins, facing it.
     pub pressure: f64,
@@ -197,8 +197,8 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, place: Opti
     })
 }
 
-/// Half the range of the velocities (m/s) of pins, of mesh colliders near the cloth, and of the cloth that nothing holds on these:
-/// their largest distance from the midpoint of the range. A common motion of all of them does not count.
+/// Half the range of the velocities (m/s) of pins and of mesh colliders near the cloth: their largest distance from the
+/// midpoint of the range. A common motion of all of them does not count.
 fn kinematic_speed<'a>(
     cloth: &Cloth,
     motion: &'a Motion,
@@ -228,13 +228,11 @@ fn kinematic_speed<'a>(
         }
         _ => None,
     };
-    // Cloth that slides fast over a mesh is dragged along, or held back, by its edges: truncation shortens displacements.
-    let slides = (!cloth.has_pins()).then_some(course * dt);
     let moves = || {
         let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| cloth.is_used(**pin));
         let pins = pins.map(|(_, (&to, &from))| to - cloth.origin - from);
         let meshes = motion.followed(&attributes.colliders).filter_map(mesh).flatten();
-        pins.chain(held).chain(meshes.map(|(&to, &from)| to - from)).chain(slides)
+        pins.chain(held).chain(meshes.map(|(&to, &from)| to - from))
     };
     let [low, high] = bounds(moves());
     let middle = 0.5 * (low + high);

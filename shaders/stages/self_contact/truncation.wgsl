@@ -20,16 +20,18 @@ fn way_of(v: u32) -> vec3f {
 // Computes the shares of its vertices' displacements with which a pair stays on both sides of a plane between them.
 fn truncate_pair(n: Near) {
     let is_edge = n.listed >= with_vertices;
-    let w = inverse_masses(n.corners);
+    let v = n.corners;
+    // Not those of displacements, because those of vertices that are carried are negative.
+    let w = vec4f(vertices[v.x].x.w, vertices[v.y].x.w, vertices[v.z].x.w, vertices[v.w].x.w);
     let is_kinematic = w <= vec4f();
     // Which pairs are clear is decided in the first round only, because kernels may round differently. Holding others again
     // changes nothing.
     let is_free = !any(is_kinematic);
-    if (ROUND > 0u && !is_free) || (ROUND == 1u && !is_shortened(n.corners)) {
+    if (ROUND > 0u && !is_free) || (ROUND == 1u && !is_shortened(v)) {
         return;
     }
-    let at = positions(n.corners);
-    let ways = Four(way_of(n.corners.x), way_of(n.corners.y), way_of(n.corners.z), way_of(n.corners.w));
+    let at = positions(v);
+    let ways = Four(way_of(v.x), way_of(v.y), way_of(v.z), way_of(v.w));
     let firsts = firsts_of(is_edge);
     let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
     let heights = (2.0 * firsts - 1.0) * along_normal(n.normal, Four(at.a - middle, at.b - middle, at.c - middle, at.d - middle));
@@ -56,21 +58,21 @@ fn truncate_pair(n: Near) {
     // into each other.
     if held.passed_by > 0.0 {
         let at = atomicAdd(&contact_state.status.passed, 1u);
-        pairs[place_of_passed(at)].corners = vec4u(n.corners.x | select(0u, MARK, is_edge), n.corners.yzw);
+        pairs[place_of_passed(at)].corners = vec4u(v.x | select(0u, MARK, is_edge), v.yzw);
     }
-    truncate_vertex(n.corners.x, w.x, held.shares.x);
-    truncate_vertex(n.corners.y, w.y, held.shares.y);
-    truncate_vertex(n.corners.z, w.z, held.shares.z);
-    truncate_vertex(n.corners.w, w.w, held.shares.w);
+    truncate_vertex(v.x, w.x, held.shares.x);
+    truncate_vertex(v.y, w.y, held.shares.y);
+    truncate_vertex(v.z, w.z, held.shares.z);
+    truncate_vertex(v.w, w.w, held.shares.w);
     if !AGAIN && contact_params.mesh_leaves > 0u && !is_free {
         let beyond = held.towards - max(held.heights - plane.clearance, vec4f());
         let is_beyond = !is_kinematic & (held.towards > vec4f()) & (beyond > vec4f());
         let by = select(vec4f(), min(beyond, vec4f(contact_params.thickness)), is_beyond);
         let directions = 1.0 - 2.0 * firsts;
-        slide_vertex(n.corners.x, directions.x * plane.normal, by.x);
-        slide_vertex(n.corners.y, directions.y * plane.normal, by.y);
-        slide_vertex(n.corners.z, directions.z * plane.normal, by.z);
-        slide_vertex(n.corners.w, directions.w * plane.normal, by.w);
+        slide_vertex(v.x, directions.x * plane.normal, by.x);
+        slide_vertex(v.y, directions.y * plane.normal, by.y);
+        slide_vertex(v.z, directions.z * plane.normal, by.z);
+        slide_vertex(v.w, directions.w * plane.normal, by.w);
     }
 }
 

@@ -1,10 +1,10 @@
 //! Guarantees that the two sides of a near pair stay on either side of the plane halfway between them, whatever moves
 //! them.
 //!
-//! Each near pair gets the plane halfway between its closest points. A vertex's displacement relative to the common motion is
-//! scaled by the largest factor in [0, 1] that keeps the vertex on its side of the planes of all its pairs. The common motion is
-//! rigid, so it need not be scaled. (Lan et al. 2022 truncate along the path; with one factor per vertex, no order of pairs is
-//! needed.)
+//! Each near pair gets the plane halfway between its closest points, or [another](crate::kernels::plane) that shortens less. A
+//! vertex's displacement relative to the common motion is scaled by the largest factor in [0, 1] that keeps the vertex on its side
+//! of the planes of all its pairs. The common motion is rigid, so it need not be scaled. (Lan et al. 2022 truncate along the path;
+//! with one factor per vertex, no order of pairs is needed.)
 //!
 //! A plane that moves along with a pair serves as well, as long as no corner of it is shortened: otherwise cloth that swings or
 //! spins by a third of a cell in a substep would be slowed down by its own neighbors. So a pair is [clear](Shares) if it stays
@@ -185,11 +185,11 @@ impl Loop for Shares<'_> {
             }
             (plane, held) = plane.least_shortening(corners_of::<L>(x, places), (relative, is_kinematic), thickness, is_edge);
             let has_kinematic = if may_slide { L::bits(zero.lt(kinematic_corners)) } else { 0 };
-            for k in 0..4 {
-                let lanes = L::bits(held.shares[k].lt(one)) & near;
+            for (k, share) in held.shares.into_iter().enumerate() {
+                let lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {
                     let (mut shares, mut beyond, mut squares) = ([0.0; MAX_LANES], [Vec4::ZERO; MAX_LANES], [0.0; MAX_LANES]);
-                    store(&mut shares, held.shares[k]);
+                    store(&mut shares, share);
                     if has_kinematic != 0 {
                         let by = (held.towards[k] - (held.heights[k] - plane.clearance).max(zero)).min(thickness);
                         scattered(plane.normal * (if k < kind.first_side() { zero - by } else { by }), &mut beyond);
