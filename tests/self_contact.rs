@@ -288,7 +288,7 @@ fn a_sheet_sticks_to_a_sheet_or_slides() {
 fn sheets_without_friction_pass_each_other() {
     let mut mesh = sheets(2, 21, 1.0, 1.04 * R);
     let count = mesh.positions.len() / 2;
-    let speed = 24.0;
+    let speed = 12.0;
     mesh.positions[count..].iter_mut().for_each(|x| *x += Vec3::new(0.3, 0.0, 0.1));
     let mut scene = Scene::new(mesh, 5, Vec::new());
     scene.options.contact = Some(Contact { friction: 0.0, ..Contact::default() });
