@@ -15,11 +15,11 @@ struct Plane {
     clearance: f32,
 }
 
-// How far the corners of a pair may move without crossing a plane: the heights [m] above the plane where kinematic corners have
-// shifted it, how far they move toward it, and the shares of their displacements that are left; how far the plane moves past a corner,
-// or two kinematic sides into each other.
+// How far the corners of a pair may move without crossing a plane: the plane where kinematic corners have shifted it, how far [m]
+// corners are about to move toward it, and the share of its displacement that is left to each; how far the plane moves past a corner, or
+// two kinematic sides into each other.
 struct Held {
-    heights: vec4f,
+    plane: Plane,
     towards: vec4f,
     shares: vec4f,
     passed_by: f32,
@@ -75,12 +75,30 @@ fn hold(plane: Plane, u: Four, is_kinematic: vec4<bool>, is_edge: bool) -> Held 
         share_above(heights.w, plane.clearance, towards.w),
     );
     let passed_by = max(from_second + from_first - 2.0 * plane.clearance, most_of(select(-heights, vec4f(), is_kinematic)));
-    return Held(heights, towards, select(shares, vec4f(1.0), is_kinematic), max(passed_by, 0.0));
+    let shifted = Plane(plane.normal, heights, plane.clearance);
+    return Held(shifted, towards, select(shares, vec4f(1.0), is_kinematic), max(passed_by, 0.0));
 }
 
 // Whether the plane stays between the sides of a pair without kinematic corners if it moves along with it.
 fn stays_between(plane: Plane, towards: vec4f, is_edge: bool) -> bool {
     return least_of(plane.heights) > 0.0 && gap_of(plane.heights - towards, is_edge) > 2.0 * plane.clearance;
+}
+
+// How far corners may move without crossing the plane that leaves the largest share to the one that is shortened most: this one, by
+// which they are held, or another that separates the sides.
+fn least_shortening(plane: Plane, by_plane: Held, at: Four, u: Four, is_kinematic: vec4<bool>, thickness: f32, is_edge: bool) -> Held {
+    let least_gap = SEPARATES * gap_of(plane.heights, is_edge);
+    var normals = sliding_normals(plane.normal, at, u, is_edge);
+    var held = by_plane;
+    for (var k = 0; k < 2; k++) {
+        let other = halfway(normals[k], at, thickness, is_edge);
+        let by = hold(other, u, is_kinematic, is_edge);
+        let shortens_less = by.passed_by == held.passed_by && least_of(by.shares) > least_of(held.shares);
+        if (by.passed_by < held.passed_by || shortens_less) && gap_of(other.heights, is_edge) > least_gap {
+            held = by;
+        }
+    }
+    return held;
 }
 
 fn unit(v: vec3f) -> vec3f {

@@ -33,10 +33,10 @@ pub(crate) struct Plane<L> {
 /// How far the corners of a pair may move without crossing a plane.
 #[derive(Clone, Copy)]
 pub(crate) struct Held<L> {
-    /// The heights (m) above the plane where kinematic corners have shifted it, and how far (m) corners are about to move toward it.
-    pub heights: [L; 4],
+    /// The plane where kinematic corners have shifted it.
+    pub plane: Plane<L>,
+    /// How far (m) corners are about to move toward it, and the share of its displacement that is left to each.
     pub towards: [L; 4],
-    /// The share of its displacement that is left to each corner.
     pub shares: [L; 4],
     /// How far (m) the plane moves past a corner, or two kinematic sides into each other.
     pub passed_by: L,
@@ -66,7 +66,8 @@ impl<L: Lanes> Plane<L> {
     #[inline(always)]
     pub(crate) fn hold(&self, u: [Vector<L>; 4], is_kinematic: [L; 4], is_edge: bool) -> Held<L> {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let Plane { normal, heights, clearance } = *self;
+        let mut plane = *self;
+        let Plane { normal, heights, clearance } = plane;
         let of_first = [true, is_edge, false, false];
         let (mut towards, mut pushes) = ([zero; 4], [zero; 2]);
         for k in 0..4 {
@@ -76,16 +77,15 @@ impl<L: Lanes> Plane<L> {
             *push = push.max((clearance - (heights[k] - towards[k])).max(zero) * is_kinematic[k]);
         }
         let shift = pushes[1] - pushes[0];
-        let mut held =
-            Held { heights, towards, shares: [one; 4], passed_by: (pushes[1] + pushes[0] - clearance - clearance).max(zero) };
+        let (mut shares, mut passed_by) = ([one; 4], (pushes[1] + pushes[0] - clearance - clearance).max(zero));
         for k in 0..4 {
             let height = heights[k] + if of_first[k] { zero - shift } else { shift };
             let is_held = zero.lt(is_kinematic[k]);
-            held.heights[k] = height;
-            held.shares[k] = L::select(is_held, one, share_above(height, clearance, towards[k]));
-            held.passed_by = held.passed_by.max(L::select(is_held, zero, zero - height));
+            plane.heights[k] = height;
+            shares[k] = L::select(is_held, one, share_above(height, clearance, towards[k]));
+            passed_by = passed_by.max(L::select(is_held, zero, zero - height));
         }
-        held
+        Held { plane, towards, shares, passed_by }
     }
 
     /// Whether the plane stays between the sides of a pair without kinematic corners if it moves along with it: the corners are on
@@ -102,38 +102,45 @@ impl<L: Lanes> Plane<L> {
         L::and(L::splat(0.0).lt(lowest), (self.clearance + self.clearance).lt(end.gap(is_edge)))
     }
 
-    /// The plane that leaves the largest share to the corner that is shortened most: this one, or another that separates the sides.
+    /// How far corners may move without crossing the plane that leaves the largest share to the one that is shortened most: this one,
+    /// by which they are `held`, or another that separates the sides.
     #[inline(always)]
     pub(crate) fn least_shortening(
         self,
+        mut held: Held<L>,
         x: [Vector<L>; 4],
         (u, is_kinematic): ([Vector<L>; 4], [L; 4]),
         thickness: L,
         is_edge: bool,
-    ) -> (Plane<L>, Held<L>) {
-        let (mut best, mut held) = (self, self.hold(u, is_kinematic, is_edge));
+    ) -> Held<L> {
         let least_gap = self.gap(is_edge) * L::splat(SEPARATES);
         for normal in sliding_normals(self.normal, x, u, is_edge) {
             let plane = Plane::halfway(normal, x, thickness, is_edge);
             let by = plane.hold(u, is_kinematic, is_edge);
             let shortens_less = L::and(L::eq(by.passed_by, held.passed_by), held.least_share().lt(by.least_share()));
             let is_better = L::or(by.passed_by.lt(held.passed_by), shortens_less);
-            let is_better = L::and(is_better, least_gap.lt(plane.gap(is_edge)));
-            best.normal = Vector::select(is_better, plane.normal, best.normal);
-            best.clearance = L::select(is_better, plane.clearance, best.clearance);
-            held.passed_by = L::select(is_better, by.passed_by, held.passed_by);
-            for k in 0..4 {
-                best.heights[k] = L::select(is_better, plane.heights[k], best.heights[k]);
-                held.heights[k] = L::select(is_better, by.heights[k], held.heights[k]);
-                held.towards[k] = L::select(is_better, by.towards[k], held.towards[k]);
-                held.shares[k] = L::select(is_better, by.shares[k], held.shares[k]);
-            }
+            held = Held::select(L::and(is_better, least_gap.lt(plane.gap(is_edge))), by, held);
         }
-        (best, held)
+        held
     }
 }
 
 impl<L: Lanes> Held<L> {
+    /// `yes` in the lanes of the mask, `no` in the others.
+    #[inline(always)]
+    fn select(mask: L::Mask, yes: Held<L>, no: Held<L>) -> Held<L> {
+        let mut held = no;
+        held.plane.normal = Vector::select(mask, yes.plane.normal, no.plane.normal);
+        held.plane.clearance = L::select(mask, yes.plane.clearance, no.plane.clearance);
+        held.passed_by = L::select(mask, yes.passed_by, no.passed_by);
+        for k in 0..4 {
+            held.plane.heights[k] = L::select(mask, yes.plane.heights[k], no.plane.heights[k]);
+            held.towards[k] = L::select(mask, yes.towards[k], no.towards[k]);
+            held.shares[k] = L::select(mask, yes.shares[k], no.shares[k]);
+        }
+        held
+    }
+
     #[inline(always)]
     pub(crate) fn least_share(&self) -> L {
         let [a, b, c, d] = self.shares;

@@ -35,7 +35,7 @@ fn truncate_pair(n: Near) {
     let firsts = firsts_of(is_edge);
     let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
     let heights = (2.0 * firsts - 1.0) * along_normal(n.normal, Four(at.a - middle, at.b - middle, at.c - middle, at.d - middle));
-    var plane = Plane(n.normal, heights, clearance(n.distance, n.thickness));
+    let plane = Plane(n.normal, heights, clearance(n.distance, n.thickness));
     var held = hold(plane, ways, is_kinematic, is_edge);
     if ROUND == 0u && is_free && stays_between(plane, held.towards, is_edge) {
         return;
@@ -43,17 +43,7 @@ fn truncate_pair(n: Near) {
     if least_of(held.shares) == 1.0 && held.passed_by == 0.0 {
         return;
     }
-    let least_gap = SEPARATES * gap_of(plane.heights, is_edge);
-    var normals = sliding_normals(n.normal, at, ways, is_edge);
-    for (var k = 0; k < 2; k++) {
-        let other = halfway(normals[k], at, contact_params.thickness, is_edge);
-        let by = hold(other, ways, is_kinematic, is_edge);
-        let shortens_less = by.passed_by == held.passed_by && least_of(by.shares) > least_of(held.shares);
-        if (by.passed_by < held.passed_by || shortens_less) && gap_of(other.heights, is_edge) > least_gap {
-            plane = other;
-            held = by;
-        }
-    }
+    held = least_shortening(plane, held, at, ways, is_kinematic, contact_params.thickness, is_edge);
     // The plane, and the vertex that shifted it, may have moved past a vertex that stays in place, or two kinematic sides
     // into each other.
     if held.passed_by > 0.0 {
@@ -65,14 +55,14 @@ fn truncate_pair(n: Near) {
     truncate_vertex(v.z, w.z, held.shares.z);
     truncate_vertex(v.w, w.w, held.shares.w);
     if !AGAIN && contact_params.mesh_leaves > 0u && !is_free {
-        let beyond = held.towards - max(held.heights - plane.clearance, vec4f());
+        let beyond = held.towards - max(held.plane.heights - held.plane.clearance, vec4f());
         let is_beyond = !is_kinematic & (held.towards > vec4f()) & (beyond > vec4f());
         let by = select(vec4f(), min(beyond, vec4f(contact_params.thickness)), is_beyond);
         let directions = 1.0 - 2.0 * firsts;
-        slide_vertex(v.x, directions.x * plane.normal, by.x);
-        slide_vertex(v.y, directions.y * plane.normal, by.y);
-        slide_vertex(v.z, directions.z * plane.normal, by.z);
-        slide_vertex(v.w, directions.w * plane.normal, by.w);
+        slide_vertex(v.x, directions.x * held.plane.normal, by.x);
+        slide_vertex(v.y, directions.y * held.plane.normal, by.y);
+        slide_vertex(v.z, directions.z * held.plane.normal, by.z);
+        slide_vertex(v.w, directions.w * held.plane.normal, by.w);
     }
 }
 

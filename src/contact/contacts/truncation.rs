@@ -171,7 +171,7 @@ impl Loop for Shares<'_> {
             let [a, b, c, d] = &block.heights;
             let heights = [number(a, first), number(b, first), number(c, first), number(d, first)];
             let (normal, clearance) = (vector::<L>(&block.normal, first), number::<L>(&block.clearance, first));
-            let mut plane = Plane { normal, heights, clearance };
+            let plane = Plane { normal, heights, clearance };
             let mut held = plane.hold(relative, is_kinematic, is_edge);
             let kinematic_corners = (is_kinematic[0] + is_kinematic[1]) + (is_kinematic[2] + is_kinematic[3]);
             if is_first {
@@ -183,7 +183,8 @@ impl Loop for Shares<'_> {
             if near & (L::bits(held.least_share().lt(one)) | L::bits(zero.lt(held.passed_by))) == 0 {
                 continue;
             }
-            (plane, held) = plane.least_shortening(corners_of::<L>(x, places), (relative, is_kinematic), thickness, is_edge);
+            held = plane.least_shortening(held, corners_of::<L>(x, places), (relative, is_kinematic), thickness, is_edge);
+            let Plane { normal, heights, clearance } = held.plane;
             let has_kinematic = if may_slide { L::bits(zero.lt(kinematic_corners)) } else { 0 };
             for (k, share) in held.shares.into_iter().enumerate() {
                 let lanes = L::bits(share.lt(one)) & near;
@@ -191,8 +192,8 @@ impl Loop for Shares<'_> {
                     let (mut shares, mut beyond, mut squares) = ([0.0; MAX_LANES], [Vec4::ZERO; MAX_LANES], [0.0; MAX_LANES]);
                     store(&mut shares, share);
                     if has_kinematic != 0 {
-                        let by = (held.towards[k] - (held.heights[k] - plane.clearance).max(zero)).min(thickness);
-                        scattered(plane.normal * (if k < kind.first_side() { zero - by } else { by }), &mut beyond);
+                        let by = (held.towards[k] - (heights[k] - clearance).max(zero)).min(thickness);
+                        scattered(normal * (if k < kind.first_side() { zero - by } else { by }), &mut beyond);
                         store(&mut squares, by * by);
                     }
                     for lane in Bits(lanes.into()) {

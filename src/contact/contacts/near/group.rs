@@ -33,7 +33,7 @@ impl Default for Block {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Group {
     pub block: Block,
-    /// Of pairs of edges, vertices of the cloth: see [`Around::opposite`](super::voronoi::Around::opposite).
+    /// Of pairs of edges, vertices of the surface: see [`Around::opposite`](super::voronoi::Around::opposite).
     pub opposite: [[u32; 4]; MAX_LANES],
     /// Indices in the list.
     pub listed: [u32; MAX_LANES],
