@@ -527,9 +527,8 @@ fn a_slick_slab_drags_nothing_along(backend: Backend) {
     let mut cloth = Mesh::grid(11, 11, 0.5, 0.5);
     cloth.positions.iter_mut().for_each(|x| x.y = 0.0051);
     let slab = Mesh::grid(101, 31, 4.0, 1.2);
-    for (quality, slab_speed, speed) in
-        [5, 20].into_iter().flat_map(|s| [(Quality::Substeps(s), 3.0, 0.0), (Quality::Substeps(s), 0.0, 3.0)])
-    {
+    let qualities = [Quality::default(), Quality::Substeps(5), Quality::Substeps(20)];
+    for (quality, slab_speed, speed) in qualities.into_iter().flat_map(|of| [(of, 3.0, 0.0), (of, 0.0, 3.0)]) {
         let options = Options { backend, quality, fabric: Fabric::COTTON, ..Options::default() };
         let mut deformer = Deformer::new(&cloth, options).unwrap();
         deformer.set_state(&cloth.positions, &vec![Vec3::X * speed; 121]).unwrap();
