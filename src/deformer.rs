@@ -246,13 +246,19 @@ impl Deformer {
         .collect()
     }
 
-    /// Checks the arguments of a step and decides how it is taken.
-    fn decide(&self, dt: f32, attributes: &Attributes) -> Result<StepDecision, StepError> {
-        check_time_step(dt)?;
+    /// Checks the attributes of a step. Returns the contact thickness (m), if triangles can touch.
+    fn check(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
         attributes.validate(self.cloth.pinned.len())?;
         self.motion.check(&attributes.colliders)?;
         let thickness = self.contact_thickness(attributes)?;
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
+        Ok(thickness)
+    }
+
+    /// Checks the arguments of a step and decides how it is taken.
+    fn decide(&self, dt: f32, attributes: &Attributes) -> Result<StepDecision, StepError> {
+        check_time_step(dt)?;
+        let thickness = self.check(attributes)?;
         let seen = self.seen.as_ref();
         let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen);
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, seen, &fastest, thickness);
@@ -288,7 +294,7 @@ impl Deformer {
     fn prepare(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<StepDecision>, StepError> {
         self.look_back()?;
         if dt == 0.0 {
-            return attributes.validate(self.cloth.pinned.len()).map(|()| None);
+            return self.check(attributes).map(|_| None);
         }
         // The attributes under which a cloth sleeps were valid in the last step, and what it does not do takes no substeps.
         if self.sleeps(attributes) {

@@ -12,6 +12,9 @@ use crate::scene::{Scene, Truth, rms};
 
 /// Length of a frame (s).
 const FRAME: f32 = 1.0 / 60.0;
+/// For so long (s) a GPU works before it is timed, because it takes seconds to raise its clock rate again after a pause, in which it
+/// is up to four times slower.
+const WARM_UP: f64 = 2.0;
 /// Most frames of a timed run; all frames cost the same.
 const TIMED: u32 = 10;
 /// Fewest vertices with which [`Levels::Auto`] uses levels, mostly.
@@ -104,10 +107,16 @@ pub(crate) fn errors(scene: &Scene, truth: &Truth, effort: &Effort) -> Result<Ve
             last = error;
         }
     }
-    // The settings take turns, so that other load on this machine affects all of them alike.
-    for _ in 0..effort.rounds {
-        for trial in trials.iter_mut().filter(|trial| trial.row.error.is_finite()) {
-            trial.time(truth.frames.min(TIMED))?;
+    // The settings of a backend take turns, so that other load on this machine affects all of them alike.
+    let frames = truth.frames.min(TIMED);
+    for &backend in &effort.backends {
+        let runs = |trial: &&mut Trial| trial.row.setting.backend == backend && trial.row.error.is_finite();
+        let mut runs: Vec<&mut Trial> = trials.iter_mut().filter(runs).collect();
+        if let Some(trial) = runs.first_mut() {
+            trial.warm_up(frames)?;
+        }
+        for _ in 0..effort.rounds {
+            runs.iter_mut().try_for_each(|trial| trial.time(frames).map(|_| ()))?;
         }
     }
     Ok(trials.into_iter().map(Trial::finished).collect())
@@ -139,6 +148,7 @@ pub(crate) fn strain(scene: &Scene, budget: f64, effort: &Effort) -> Result<Vec<
 /// The time is not assumed to be proportional: a dispatch has a fixed cost, and where levels switch off, twice the
 /// substeps may take less time.
 fn affordable(scene: &Scene, setting: Setting, budget: f64) -> Result<Option<u32>, Failure> {
+    Trial::first(scene, setting, 3, None)?.0.warm_up(5)?;
     let fits = |substeps| -> Result<bool, Failure> {
         let (mut probe, _) = Trial::first(scene, Setting { substeps, ..setting }, 3, None)?;
         for _ in 0..4 {
@@ -194,6 +204,16 @@ impl Trial {
             }
         }
         Ok((trial, seconds))
+    }
+
+    /// Runs until a GPU is at its full clock rate.
+    fn warm_up(&mut self, frames: u32) -> Result<(), Failure> {
+        let begin = Instant::now();
+        while self.row.setting.backend != Backend::Cpu && begin.elapsed().as_secs_f64() < WARM_UP {
+            self.time(frames)?;
+            self.times.pop();
+        }
+        Ok(())
     }
 
     /// Makes another timed run from rest: all steps, and waiting for their result. Returns whether it stayed finite.

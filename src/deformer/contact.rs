@@ -19,8 +19,8 @@ use crate::step::substep_count::FRAMES;
 /// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
 /// through.
 const SUBSTEPS: f64 = 3.0;
-/// Fewest substeps per 1/60 s of cloth in contact with itself that is to fall asleep: with the 5 to 7 that the strain of a heap
-/// needs, it trembles. Of 32 heaps 7 were awake after 15 s then, and one with these.
+/// Fewest substeps per 1/60 s of cloth without pins, in contact with itself, that is to fall asleep: with the 5 to 7 that the strain
+/// of a heap needs, it trembles. Of 32 heaps 7 were awake after 15 s then, and one with these. A garment comes to rest with few.
 const SETTLING: f64 = 16.0;
 /// Farthest that pins and mesh colliders may move in a step, in units of the cloth's size. Cloth that is torn along farther, as by
 /// a teleport without [`Deformer::warp`], stays stretched over itself for seconds, in each of which contact takes seconds.
@@ -88,7 +88,8 @@ impl Deformer {
         match self.options.quality {
             Quality::Substeps(_) | Quality::Budget(_) => 0.0,
             _ => {
-                let settles = self.options.method == Method::SmallSteps && self.options.contact.and(self.options.sleep).is_some();
+                let sleeps = self.options.method == Method::SmallSteps && self.options.contact.and(self.options.sleep).is_some();
+                let settles = sleeps && !self.cloth.has_pins();
                 let settling = if settles { SETTLING } else { 0.0 };
                 FRAMES * (SUBSTEPS * speed / thickness / FRAMES).ceil().min(MOST).max(settling)
             }

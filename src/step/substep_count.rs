@@ -18,8 +18,8 @@ pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
 const PAYS_FROM: f64 = 1.15;
 /// The number of levels changes where substeps are so many times as long, or as short, as those for which it is chosen.
 const KEPT: f64 = 1.25;
-/// Ratio of wind pressure to the cloth's weight above which levels are off, because they would turn small wrinkles into
-/// stretch: see [`hierarchy`](crate::multigrid::hierarchy).
+/// Ratio of wind pressure to the cloth's weight above which levels are off, because stretch would show as small wrinkles:
+/// see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
 /// The number of levels changes where the pressure is so many times that, or as small a share of it.
 const GUSTY: f64 = 1.5;
