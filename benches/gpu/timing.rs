@@ -7,8 +7,10 @@ use cloth_deformer::{Attributes, Deformer, Gpu, wgpu};
 use crate::Failure;
 use crate::hang::FRAME;
 
-/// Time of work before the first figure: clock rates rise, memory is touched, pipelines are compiled.
+/// Time of work before the first figure: clock rates rise, memory is touched, pipelines are compiled. A GPU that was idle takes seconds
+/// to raise its rate again; an H200 is four times slower until then.
 const WARM: Duration = Duration::from_millis(500);
+const WARM_GPU: Duration = Duration::from_secs(2);
 /// Time that the frames of a figure take, and their minimum and maximum number.
 const SPAN: Duration = Duration::from_millis(400);
 const LEAST: usize = 3;
@@ -30,9 +32,9 @@ pub(crate) struct Times {
 
 /// Steps some cloths together, frame by frame, and times that.
 pub(crate) fn time(cloths: &mut [Deformer], attributes: &Attributes, clock: Option<&DeviceClock>) -> Result<Times, Failure> {
-    let begin = Instant::now();
+    let (begin, span) = (Instant::now(), if clock.is_some() { WARM_GPU } else { WARM });
     let mut warm = 0;
-    while warm < 2 || begin.elapsed() < WARM {
+    while warm < 2 || begin.elapsed() < span {
         step(cloths, attributes)?;
         wait(cloths)?;
         warm += 1;
