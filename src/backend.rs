@@ -33,7 +33,7 @@ pub(crate) enum Engine {
 }
 
 /// From this many vertices on a GPU is faster than the CPU: in `benches/results/gpu_h200.md`, at 20 substeps, an H200
-/// takes 0.90 ms for 128 x 128 vertices and 16 cores take 1.03 ms; for 64 x 64 they take 0.64 ms and 0.56 ms.
+/// takes 1.05 ms for 128 x 128 vertices and 16 cores take 1.60 ms; for 64 x 64 they take 0.79 ms and 0.58 ms.
 #[cfg(feature = "gpu")]
 const GPU_PAYS: usize = 16_384;
 /// The same with contact of triangles: in `benches/results/contact.md`, at the default quality, an H100 takes 2.8 and 11

@@ -394,7 +394,12 @@ fn what_is_no_body_is_refused(backend: Backend) {
     let other = broken(&|mesh| mesh.triangles.truncate(3));
     let error = cloth.step(FRAME, &with(vec![other.clone().with_id(7)])).unwrap_err();
     assert!(error.to_string().contains("give it another id"), "{error}");
+    let checked = cloth.step(0.0, &with(vec![other.clone().with_id(7)])).unwrap_err();
+    assert_eq!(checked.to_string(), error.to_string(), "a step of 0 s checks what others do");
     cloth.step(FRAME, &with(vec![other.clone().with_id(7).teleported()])).unwrap();
+    // A mesh in the place of what was none is new.
+    cloth.step(FRAME, &with(vec![Collider::sphere(Vec3::ONE, 0.1).with_id(7)])).unwrap();
+    cloth.step(FRAME, &with(vec![other.clone().with_id(7)])).unwrap();
     cloth.step(FRAME, &with(vec![other])).unwrap();
     cloth.step(FRAME, &with(vec![broken(&|_| ())])).unwrap();
     // Triangles that are degenerate to edges or points do no harm beside one that is not, and a body may shrink to a point.

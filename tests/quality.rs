@@ -13,6 +13,7 @@ use cloth_deformer::{
     StepReport, Warning,
 };
 use common::energy::{energy, masses};
+use common::shapes::tube;
 use common::{FRAME, rms, top};
 
 on_every_backend!(
@@ -161,6 +162,24 @@ fn what_is_held_stretched_does_not_run_away() {
     println!("at most {most} substeps, {last} in the end");
     assert!(played[..40].iter().any(|(_, missed)| *missed), "it is said that it is stretched");
     assert!(most < 500 && 2 * last < most, "at most {most} substeps, {last} in the end");
+}
+
+/// A skirt in contact with itself whose waist was turned for a second falls asleep. The substeps with which heaps of cloth come to
+/// rest, at least 16, make it tremble for ever.
+#[test]
+fn a_garment_in_contact_falls_asleep() {
+    let (mesh, pinned): (_, Vec<u32>) = (tube(0.235, 0.7, 36, 26), top(36));
+    let waist: Vec<Vec3> = pinned.iter().map(|&pin| mesh.positions[pin as usize]).collect();
+    let (contact, sleep) = (Some(Contact::default()), Some(Sleep::default()));
+    let options = Options { backend: Backend::Cpu, fabric: Fabric::COTTON, pinned, contact, sleep, ..Options::default() };
+    let mut skirt = Deformer::new(&mesh, options).unwrap();
+    let mut falls_asleep = |frame: u32| {
+        let turn = Quat::from_rotation_y(1.2 * (4.0 * frame.min(60) as f32 * FRAME).sin());
+        let targets = waist.iter().map(|&x| turn * x).collect();
+        let scene = Attributes { damping: 1.0, pin_targets: Some(targets), ..Attributes::default() };
+        skirt.step(FRAME, &scene).unwrap().asleep
+    };
+    assert!((0..720).any(&mut falls_asleep), "awake after twelve seconds");
 }
 
 /// A reset forgets for how long the cloth was still, and placed colliders wake it.

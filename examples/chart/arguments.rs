@@ -7,8 +7,7 @@ use clap::builder::PossibleValuesParser;
 use clap::{Parser, value_parser};
 use cloth_deformer::{Backend, Fabric};
 
-use crate::Failure;
-use crate::command::{self, one_of};
+use crate::command::one_of;
 use crate::pins::Pin;
 
 /// Names of the backends.
@@ -72,11 +71,6 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// The arguments of this process, or the help if the user asked for it.
-    pub(crate) fn read() -> Result<Result<Arguments, clap::Error>, Failure> {
-        command::read()
-    }
-
     /// The fabric without bending, which the reference and some methods do not have.
     pub(crate) fn membrane(&self) -> Fabric {
         let preset = Fabric::PRESETS.iter().find(|(name, _)| *name == self.fabric);

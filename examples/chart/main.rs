@@ -37,7 +37,7 @@ mod reference;
 mod scene;
 
 fn main() -> ExitCode {
-    command::run(Arguments::read(), run)
+    command::run(run)
 }
 
 /// Runs the program from top to bottom.

@@ -8,12 +8,7 @@ use cloth_deformer::{
     glam::{Quat, Vec3},
 };
 
-use crate::{
-    Failure,
-    command::{self, one_of},
-    pins::Pin,
-    tuned::tolerance,
-};
+use crate::{command::one_of, pins::Pin, tuned::tolerance};
 
 /// Names of the backends.
 pub(crate) const BACKENDS: [(&str, Backend); 4] =
@@ -247,13 +242,6 @@ pub(crate) enum Task {
         /// Folder of the frames of the other
         b: PathBuf,
     },
-}
-
-impl Arguments {
-    /// The arguments this process was given, or the help that was asked for.
-    pub(crate) fn read() -> Result<Result<Arguments, clap::Error>, Failure> {
-        command::read()
-    }
 }
 
 fn finite(text: &str) -> Result<f32, String> {

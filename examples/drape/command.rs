@@ -59,22 +59,25 @@ fn code_of(error: &StepError) -> u8 {
     }
 }
 
-/// Runs a program with its arguments, or prints the help that was asked for. A failure is printed as one line.
+/// Runs a program with the arguments of this process, or prints the help or the version if the user asked for it. A failure is
+/// printed as one line, without the usage that clap adds.
 ///
 /// Programs return here instead of exiting from within, so that files which are half written are dropped and removed.
-pub(crate) fn run<Arguments>(
-    read: Result<Result<Arguments, clap::Error>, Failure>,
-    program: impl FnOnce(&Arguments) -> Result<(), Failure>,
-) -> ExitCode {
-    let failure = match read {
-        Ok(Ok(arguments)) => program(&arguments).err(),
-        Ok(Err(help)) => {
+pub(crate) fn run<Arguments: Parser>(program: impl FnOnce(&Arguments) -> Result<(), Failure>) -> ExitCode {
+    let done = match Arguments::try_parse() {
+        Ok(arguments) => program(&arguments),
+        Err(help) if matches!(help.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
             say(help.to_string().trim_end());
-            None
+            Ok(())
         }
-        Err(failure) => Some(failure),
+        Err(error) => {
+            let text = error.to_string();
+            let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();
+            let text = text.trim_start_matches("error: ").replace("\n\n  tip:", "; tip:");
+            Err(Failure::input(format_args!("{text}; see --help")))
+        }
     };
-    let Some(Failure { code, message }) = failure else { return ExitCode::SUCCESS };
+    let Err(Failure { code, message }) = done else { return ExitCode::SUCCESS };
     if !message.is_empty() {
         warn("error", &message);
     }
@@ -90,23 +93,6 @@ pub(crate) fn say(line: &str) {
 pub(crate) fn warn(kind: &str, message: &str) {
     let line: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     let _ = writeln!(io::stderr(), "{kind}: {}", line.join(" "));
-}
-
-/// The arguments of this process, or the help or the version if the user asked for it. Errors become one line, without the usage that
-/// clap adds.
-pub(crate) fn read<Arguments: Parser>() -> Result<Result<Arguments, clap::Error>, Failure> {
-    match Arguments::try_parse() {
-        Ok(arguments) => Ok(Ok(arguments)),
-        Err(help) if matches!(help.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => Ok(Err(help)),
-        Err(error) => {
-            let text = error.to_string();
-            let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();
-            Err(Failure::input(format_args!(
-                "{}; see --help",
-                text.trim_start_matches("error: ").replace("\n\n  tip:", "; tip:")
-            )))
-        }
-    }
 }
 
 /// Parses one of the names of a table into its value.

@@ -36,7 +36,7 @@ mod tuned;
 mod warnings;
 
 fn main() -> ExitCode {
-    command::run(Arguments::read(), run)
+    command::run(run)
 }
 
 impl Failure {
@@ -52,11 +52,6 @@ impl Failure {
     /// The same failure with its message prefixed by the part that it concerns.
     pub(crate) fn of(self, part: &str) -> Failure {
         Failure { message: format!("{part}: {}", self.message), ..self }
-    }
-
-    /// The message.
-    pub(crate) fn message(&self) -> &str {
-        &self.message
     }
 
     fn build(of: &str, error: &BuildError) -> Failure {

@@ -51,7 +51,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    command::run(command::read::<Arguments>(), run)
+    command::run(run)
 }
 
 /// Runs the program from top to bottom.

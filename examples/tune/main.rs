@@ -54,7 +54,7 @@ const BACKENDS: [(&str, Backend); 4] =
     [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("hybrid", Backend::Hybrid), ("gpu", Backend::Gpu)];
 
 fn main() -> ExitCode {
-    command::run(command::read(), run)
+    command::run(run)
 }
 
 fn run(arguments: &Arguments) -> Result<(), Failure> {

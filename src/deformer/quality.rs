@@ -17,7 +17,7 @@ use crate::step::substep_count::{FRAMES, is_gale};
 /// On an H200 a substep takes 6 us without levels and 17 us with the finest, at any size below 16,384 vertices, because a
 /// level's colors are swept one after another; with bending 8 to 9 us, and 20. Without levels, cloths of 4,000 vertices take
 /// 1.3 to 2.5 times as many substeps for the same bound, one of 14,161 takes 3.9 times (`benches/results/quality.md`),
-/// and a hung sheet of 65,536 takes 11 times (`gpu_h200.md`). With contact of triangles a substep takes 60 us and more,
+/// and a hung sheet of 65,536 takes 9 times (`gpu_h200.md`). With contact of triangles a substep takes 60 us and more,
 /// so levels always pay: a folded sheet of 1,600 takes 1.2 ms with them and 2.0 without (`contact.md`).
 const LEVELS_PAY: usize = 8192;
 

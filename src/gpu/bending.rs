@@ -10,7 +10,7 @@ use crate::gpu::tiles::TileSize;
 use crate::kernels::bending::BendPass;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
-use crate::step::bending::{BendRows, MAX_PASSES};
+use crate::step::bending::MAX_PASSES;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
@@ -24,8 +24,6 @@ const IN_TILE: [usize; 2] = [24, 72];
 const HELD: usize = 24;
 /// The room of tiles is a multiple of this number of vertices.
 const ROOMS: usize = 32;
-/// A single, unfiltered pass.
-const ONCE: [BendPass; 1] = [BendPass { carry: 0.0, gain: 0.0, trial: 0.0, last: 1 }];
 
 /// The kernels of bending and their buffers.
 #[derive(Debug)]
@@ -65,7 +63,7 @@ impl Bending {
         if std::mem::replace(&mut self.prepared, wanted) == wanted {
             return;
         }
-        let count = plan.coefficients.bending.passes.len().max(1);
+        let count = plan.coefficients.bending.passes_or_one().len();
         let key = (count, bound.level.is_some());
         self.in_use = self.kernels.iter().position(|(of, _)| *of == key).unwrap_or_else(|| {
             self.kernels.push((key, self.lists.kernels(gpu, plan, bound, count, tiled)));
@@ -75,13 +73,13 @@ impl Bending {
     }
 
     fn send(&self, gpu: &Gpu, plan: &Plan<'_>) {
-        let BendRows { rows, passes, .. } = &plan.coefficients.bending;
-        gpu.write(&self.lists.rows, 0, rows);
+        let bending = &plan.coefficients.bending;
+        gpu.write(&self.lists.rows, 0, &bending.rows);
         if self.in_tiles() {
-            return gpu.write(&self.lists.passes, 0, if passes.is_empty() { &ONCE } else { passes });
+            return gpu.write(&self.lists.passes, 0, bending.passes_or_one());
         }
         let mut slots = Vec::new();
-        fill_slots(&mut slots, if passes.is_empty() { &ONCE } else { passes });
+        fill_slots(&mut slots, bending.passes_or_one());
         gpu.write(&self.lists.passes, 0, &slots);
     }
 

@@ -171,7 +171,7 @@ pub enum Tethers {
 /// Contact of cloth with cloth.
 ///
 /// No edge of a triangle ever passes through another triangle, provided that none does at the start and that pins move relative to each
-/// other by at most a third of the thickness per substep ([`Warning::ContactOutruns`]). Where pins or mesh colliders close on the
+/// other by at most two thirds of the thickness per substep ([`Warning::ContactOutruns`]). Where pins or mesh colliders close on the
 /// cloth until no room is left, they pass through it. Such crossings, and those of the start, are reported
 /// ([`Warning::Crossings`], [`Warning::BodyCrossings`]), and contact ignores what crosses until it has separated;
 /// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand. What merely touches at the start does not

@@ -51,7 +51,17 @@ pub(crate) struct BendRows {
     pub limited: usize,
 }
 
+/// A single pass, without a filter.
+#[cfg(feature = "gpu")]
+const ONCE: BendPass = BendPass { carry: 0.0, gain: 0.0, trial: 0.0, last: 1 };
+
 impl BendRows {
+    /// The passes, of which an unfiltered one counts, too.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn passes_or_one(&self) -> &[BendPass] {
+        if self.passes.is_empty() { &[ONCE] } else { &self.passes }
+    }
+
     /// For rigidity `rigidity` (N m), retardation time `tau` (s) and substep `h` (s). `rest` holds the inverse masses
     /// (1/kg) in its w components.
     ///

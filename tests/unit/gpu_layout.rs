@@ -200,6 +200,15 @@ fn shaders_are_valid_and_share_a_workgroup_size() {
     }
 }
 
+/// The shaders of programs that no test runs.
+#[test]
+fn shaders_of_the_bench_and_the_example_are_valid() {
+    for text in [include_str!("../../benches/gpu/chain.wgsl"), include_str!("../../examples/flag/flag.wgsl")] {
+        let module = naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(text)));
+        Validator::new(ValidationFlags::all(), Capabilities::default()).validate(&module).unwrap();
+    }
+}
+
 #[test]
 fn shared_structs_agree_member_for_member() {
     let ours = structs();

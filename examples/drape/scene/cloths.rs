@@ -111,7 +111,7 @@ impl Cloths {
         };
         let template = match (&obj, &cloth.mesh) {
             (Some(path), Some(mesh)) if arguments.mesh.is_none() => {
-                Some(load(path).map_err(|failure| source.wrong_in(mesh, failure.message()))?)
+                Some(load(path).map_err(|failure| source.wrong_in(mesh, &failure.message))?)
             }
             (Some(path), _) => Some(load(path)?),
             (None, _) => None,

@@ -185,7 +185,7 @@ impl Moving {
                 let start = start.as_ref().map(|start| source.beside(start.get_ref()));
                 let scale = arguments.scale.or(scale.map(|scale| scale.0));
                 let body = Body::load(&path, start.as_deref(), scale, timeline.times());
-                Motion::Mesh(body.map_err(|failure| wrong(format!("mesh: {}", failure.message())))?)
+                Motion::Mesh(body.map_err(|failure| wrong(format!("mesh: {}", failure.message)))?)
             }
         };
         let moving = Moving { motion, friction: friction.map(|friction| friction.0), id: *id };

@@ -329,7 +329,7 @@ pub(crate) struct Output {
     /// Formats of the frames, "obj", "pc2", "mdd" and "usda": one file per frame, or all frames in one file in that
     /// folder. "obj".
     #[serde(deserialize_with = "formats")]
-    pub(crate) format: Option<Vec<FormatName>>,
+    pub(crate) format: Option<Vec<Format>>,
     /// A PC2 point cache of all frames.
     pub(crate) pc2: Option<PathBuf>,
     /// A contact sheet of twelve frames (PNG).
@@ -343,18 +343,13 @@ pub(crate) struct Output {
 impl Output {
     /// The formats of the frames.
     pub(crate) fn formats(&self) -> Vec<Format> {
-        self.format.as_ref().map_or_else(|| vec![Format::Obj], |names| names.iter().map(|name| name.0).collect())
+        self.format.clone().unwrap_or_else(|| vec![Format::Obj])
     }
 }
 
-/// The name of a format.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct FormatName(Format);
-
-impl<'de> Deserialize<'de> for FormatName {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<FormatName, D::Error> {
-        let format = named(deserializer, &FORMATS)?;
-        format.map(FormatName).ok_or_else(|| D::Error::custom("it has no name"))
+impl<'de> Deserialize<'de> for Format {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Format, D::Error> {
+        named(deserializer, &FORMATS)?.ok_or_else(|| D::Error::custom("it has no name"))
     }
 }
 
@@ -440,7 +435,7 @@ fn named<'de, T: Copy, D: Deserializer<'de>>(deserializer: D, table: &[(&str, T)
 }
 
 /// Parses the formats of the frames: without any, nothing would be written.
-fn formats<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<FormatName>>, D::Error> {
+fn formats<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<Format>>, D::Error> {
     match maybe_list(deserializer)? {
         Some(names) if names.is_empty() => Err(D::Error::custom("there is no format; name one, or leave it out for \"obj\"")),
         names => Ok(names),

@@ -41,11 +41,6 @@ impl Boxes {
         });
     }
 
-    #[inline(always)]
-    pub(crate) fn get(&self, item: usize) -> [Vec3A; 2] {
-        self.bounds(item).map(Vec3A::from_array)
-    }
-
     /// The lower and the upper bounds of a box.
     #[inline(always)]
     pub(crate) fn bounds(&self, item: usize) -> [[f32; 3]; 2] {

@@ -122,7 +122,7 @@ impl GpuEngine {
     pub(super) fn route(&self, plan: &Plan<'_>, crowd: bool) -> Route {
         // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
         // as a sweep.
-        let passes = if plan.bending { plan.coefficients.bending.passes.len().max(1) as u32 } else { 0 };
+        let passes = if plan.bending { plan.coefficients.bending.passes_or_one().len() as u32 } else { 0 };
         // There and back in shells.
         let ways = 1 + u32::from(plan.cloth.has_shells());
         let sweeps = ways * plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);

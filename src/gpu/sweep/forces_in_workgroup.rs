@@ -11,8 +11,6 @@ use crate::step::plan::Plan;
 
 /// Vectors that bending stores per vertex: `BEND_VECTORS` of the shader.
 pub(crate) const BEND_VECTORS: usize = 6;
-/// A single pass, without a filter.
-const ONCE: BendPass = BendPass { carry: 0.0, gain: 0.0, trial: 0.0, last: 1 };
 
 /// The forces that a table has data for, and where that starts.
 #[derive(Debug, Clone, Copy)]
@@ -66,7 +64,7 @@ impl ForceTable {
             return;
         }
         let bending = &plan.coefficients.bending;
-        let passes = if bending.passes.is_empty() { &[ONCE] } else { bending.passes.as_slice() };
+        let passes = bending.passes_or_one();
         let count = if plan.bending { passes.len() as u32 } else { 0 };
         let mut words = vec![count];
         words.extend(bytemuck::cast_slice::<_, u32>(passes));

@@ -93,7 +93,8 @@ impl Tree {
         for triangle in self.leaves.triangles_of(leaf) {
             let [a, b, c] = surface.triangles[triangle].map(|vertex| xyz(path.u[vertex as usize]));
             let step = [a.min(b).min(c), a.max(b).max(c)];
-            bounds = bounds.join(&NodeBounds { place: boxes.get(triangle), step, ..NodeBounds::NOTHING });
+            let place = boxes.bounds(triangle).map(Vec3A::from_array);
+            bounds = bounds.join(&NodeBounds { place, step, ..NodeBounds::NOTHING });
         }
         for &triangle in self.around.of(leaf as u32) {
             bounds = bounds.join(&NodeBounds { normal: self.normals[triangle as usize], ..NodeBounds::NOTHING });
