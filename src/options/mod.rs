@@ -136,8 +136,11 @@ pub enum Levels {
 /// Write `Sleep { .., ..Sleep::default() }`, so that fields added later do not break your code. By default a cloth
 /// sleeps once it has moved more slowly than 1 mm/s on average and 5 mm/s everywhere for half a second.
 ///
-/// With [`Options::contact`], [`Quality::Strain`] and [`Quality::Hold`] take at least 16 substeps in 1/60 s then, because with fewer
-/// cloth that lies on itself trembles on. Cloth that wind or a moving character keeps awake then costs more than without sleep.
+/// With [`Options::contact`] and no pins, [`Quality::Strain`] and [`Quality::Hold`] take at least 16 substeps in 1/60 s then, because
+/// with fewer cloth that lies on itself trembles on. Cloth that wind keeps awake then costs more than without sleep.
+///
+/// The speeds of cloth far from its [`origin`](crate::Deformer::origin) are rounded: a towel that was warped 32 m away falls asleep as
+/// fast as at the origin, and one that was warped 64 m away never does.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sleep {
     /// Largest root mean square of the vertices' speeds (m/s), at most 0.01.
