@@ -83,14 +83,14 @@ impl Partition {
     }
 
     /// The pieces of each round on the way back of a sweep, which visits the rounds from the last to the first, and in
-    /// each piece the edges that are in shells in reverse order. Empty if there are no shells.
+    /// each piece the edges with a second visit in reverse order. Empty if there are none.
     pub(crate) fn rounds_back(&self, cloth: &Cloth) -> Vec<Vec<Piece>> {
-        let is_in_shell = |&edge: &u32| cloth.is_in_shell(&cloth.links[edge as usize]);
+        let again = |&edge: &u32| cloth.links[edge as usize].is_visited_twice();
         let back = |Piece { edges, .. }: &Piece| {
-            let edges = edges.iter().rev().copied().filter(is_in_shell).collect();
+            let edges = edges.iter().rev().copied().filter(again).collect();
             Piece { edges, ..Piece::default() }
         };
-        let rounds = if cloth.has_shells() { self.rounds.as_slice() } else { &[] };
+        let rounds = if cloth.sweeps_back { self.rounds.as_slice() } else { &[] };
         rounds.iter().map(|pieces| pieces.iter().map(back).collect()).collect()
     }
 

@@ -97,7 +97,7 @@ fn overlong(cloth: &Cloth, longest: f32, step: u32, x: &[Vec4]) -> Option<usize>
     let each = edges.len().div_ceil(TURNS).max(LEAST);
     let first = step as usize % edges.len().div_ceil(each).max(1) * each;
     // An edge without stiffness may have any length.
-    let mut part = edges.iter().enumerate().skip(first).take(each).filter(|(_, edge)| edge.stiffness > 0.0);
+    let mut part = edges.iter().enumerate().skip(first).take(each).filter(|(_, edge)| cloth.stiffness(edge) > 0.0);
     let is_overlong = |ends: [u32; 2]| is_long(xyz(x[ends[0] as usize]) - xyz(x[ends[1] as usize]), longest);
     part.find(|(_, edge)| is_overlong(edge.ends)).map(|(place, _)| place)
 }

@@ -15,7 +15,7 @@ impl Deformer {
     /// Changes the fabric from the next step on; [`Deformer::reset`] keeps the change.
     ///
     /// Positions and velocities stay, so cloth that is stretched and becomes stiffer contracts from where it is.
-    /// Coefficients and coarse levels are recomputed, in less time than building the cloth. On a GPU this only writes
+    /// Coefficients are recomputed, in less time than building the cloth; coarse levels stay. On a GPU this only writes
     /// buffers, unless the density changes, which changes the masses (see [`Deformer::set_mass`]). Where masses were given for each
     /// vertex, they stay, and the density has no effect.
     ///
@@ -68,11 +68,12 @@ impl Deformer {
         changed.map_err(|failure| self.failed(failure))?;
         if change != Change::Stiffness {
             self.repin(&cloth, &x);
+            self.hierarchy = Hierarchy::default();
         }
         self.rates = self.rates.changed(&cloth, &options);
         self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
         self.controller = if bends_alike { self.controller } else { self.controller.afresh() }.changed();
-        (self.hierarchy, self.coefficients) = (Hierarchy::default(), None);
+        self.coefficients = None;
         (self.cloth, self.options, self.is_current) = (cloth, options, false);
         self.wake();
         Ok(())

@@ -53,8 +53,9 @@ impl Measure {
                 sum += strain;
                 max = max.max(strain);
             }
-            if link.stiffness.is_finite() {
-                potential += 0.5 * link.stiffness * stretch * stretch;
+            let stiffness = cloth.stiffness(link);
+            if stiffness.is_finite() {
+                potential += 0.5 * stiffness * stretch * stretch;
             }
         }
         if bending > 0.0 {

@@ -90,7 +90,7 @@ impl Deformer {
     /// instead of levels or not.
     pub(super) fn caution(&self, has_contact: bool, trades: bool) -> Caution {
         match self.backend() == Backend::Gpu && !has_contact {
-            _ if self.cloth.is_shell() => Caution::SHELL,
+            _ if self.cloth.is_shell => Caution::SHELL,
             false => Caution::PROMPT,
             true if trades => Caution::LATE_WITHOUT_LEVELS,
             true => Caution::LATE,

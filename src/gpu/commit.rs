@@ -33,7 +33,7 @@ impl Commit {
         self.check.get_or_insert_with(|| {
             // An edge without stiffness holds nothing together and is not checked: it is replaced by one from a vertex to
             // itself.
-            let ends = cloth.swept().iter().map(|link| if link.stiffness > 0.0 { link.ends } else { [link.ends[0]; 2] });
+            let ends = cloth.swept().iter().map(|link| if cloth.stiffness(link) > 0.0 { link.ends } else { [link.ends[0]; 2] });
             let ends = gpu.filled("ends", &ends.collect::<Vec<[u32; 2]>>());
             stage(gpu, forces, "check", [Bind::Unused, Bind::Unused, Bind::Write(&self.found), Bind::Read(&ends)])
         });

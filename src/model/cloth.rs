@@ -18,11 +18,11 @@ use crate::model::bending::Bending;
 use crate::model::checks::{check_mesh, check_options, check_thickness};
 use crate::model::csr::Csr;
 use crate::model::extents::{Extents, extents};
-use crate::model::link::Link;
+use crate::model::link::{Link, Visits};
 use crate::model::links::{Links, Slivers, shortest, sort_by_color};
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
-use crate::model::shells::in_shells;
+use crate::model::shells::visits;
 use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
@@ -47,10 +47,12 @@ pub(crate) struct Cloth {
     pub triangles: Vec<[u32; 3]>,
     /// Edges in color order. Edges between two pins come last and have no color.
     pub links: Vec<Link>,
-    /// The range of edges of each color. Edges of shells come first in each.
+    /// The range of edges of each color. Those that are visited twice come first in each.
     pub colors: Vec<Range<usize>>,
-    /// Whether each vertex is part of a closed shell, whose edges the sweep visits twice; empty if none is.
-    in_shell: Vec<bool>,
+    /// Whether the sweep visits edges twice: see [`Link::visits`].
+    pub sweeps_back: bool,
+    /// Whether most of the cloth is a closed shell.
+    pub is_shell: bool,
     /// Pinned vertices, in the order of [`Options::pinned`].
     pub pinned: Vec<u32>,
     /// Mean areal density (kg/m²).
@@ -114,11 +116,10 @@ impl Cloth {
         let mut area = vec![0.0; vertices];
         let mut side_area = vec![0.0; mesh_edges.len()];
         let index_of = EdgeIndex::new(&mesh_edges, vertices);
-        let in_shell = match options.method {
-            Method::SmallSteps => in_shells(&mesh.positions, &proper, &mesh_edges, &index_of),
+        let visits = match options.method {
+            Method::SmallSteps => visits(&mesh.positions, &proper, &mesh_edges, &index_of),
             _ => Vec::new(),
         };
-        let in_shell: Vec<bool> = order.iter().filter_map(|&vertex| in_shell.get(vertex as usize).copied()).collect();
         for (named, &triangle) in proper.into_iter().zip(&triangles) {
             let triangle_area = area_of(triangle, &rest);
             triangle.iter().for_each(|&vertex| area[vertex as usize] += triangle_area / 3.0);
@@ -132,10 +133,10 @@ impl Cloth {
             check_thickness(&rest[..used], sides.max_element(), contact.thickness)?;
         }
         let Links { list: mut links, longest_edge, mean_edge, firm, stretch, slivers } =
-            Links::new(&mesh_edges, &rank, &rest, &side_area, options);
+            Links::new(&mesh_edges, &visits, &rank, &rest, &side_area, options);
         let Extents { sides: extents, extent, near, parts } =
             extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
-        let colors = sort_by_color(&mut links, &rest, &inverse_mass, &in_shell);
+        let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let bending_scale =
             options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
         let rest = rest.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
@@ -148,7 +149,8 @@ impl Cloth {
             triangles,
             links,
             colors,
-            in_shell,
+            sweeps_back: visits.iter().any(|&visits| visits != Visits::Once),
+            is_shell: 2 * visits.iter().filter(|&&visits| visits == Visits::ThereAndBack).count() > mesh_edges.len(),
             pinned,
             density,
             sides,
@@ -182,7 +184,6 @@ impl Cloth {
 
         let stretch = f64::from(options.fabric.stretch) * self.firm;
         let mut links = self.links.clone();
-        links.iter_mut().for_each(|link| link.stiffness = if link.shape == 0.0 { 0.0 } else { stretch * link.shape });
         let is_pinned = |vertex: u32| [self.rest[vertex as usize].w, inverse_mass[vertex as usize]].map(|w| w == 0.0);
         let changes = |link: &Link| {
             let [a, b] = link.ends.map(is_pinned);
@@ -196,7 +197,7 @@ impl Cloth {
             Change::Stiffness
         };
         let colors = match change {
-            Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass, &self.in_shell),
+            Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass),
             _ => self.colors.clone(),
         };
         let Extents { sides: extents, extent, near, parts } = match change {
@@ -211,7 +212,6 @@ impl Cloth {
             triangles: self.triangles.clone(),
             links,
             colors,
-            in_shell: self.in_shell.clone(),
             pinned,
             density,
             extents,
@@ -246,28 +246,13 @@ impl Cloth {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
     }
 
-    /// The ranges of edges that a sweep visits one after another: each color, and then those of shells in reverse order.
+    /// The ranges of edges that a sweep visits one after another: each color, and then those with a second visit in reverse order.
     #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn visits(&self) -> Vec<Range<usize>> {
-        let of_shells = |&Range { start, end }: &Range<usize>| {
-            start..start + self.links[start..end].partition_point(|link| self.is_in_shell(link))
-        };
-        let back = self.colors.iter().rev().map(of_shells).filter(|range| !range.is_empty());
+        let again =
+            |&Range { start, end }: &Range<usize>| start..start + self.links[start..end].partition_point(Link::is_visited_twice);
+        let back = self.colors.iter().rev().map(again).filter(|range| !range.is_empty());
         self.colors.iter().cloned().chain(back).collect()
-    }
-
-    pub(crate) fn has_shells(&self) -> bool {
-        !self.in_shell.is_empty()
-    }
-
-    /// Whether most of the cloth is a closed shell.
-    pub(crate) fn is_shell(&self) -> bool {
-        2 * self.in_shell.iter().filter(|&&is| is).count() > self.used
-    }
-
-    /// Whether the sweep visits an edge twice.
-    pub(crate) fn is_in_shell(&self, link: &Link) -> bool {
-        self.has_shells() && self.in_shell[link.ends[0] as usize]
     }
 
     /// Inverse mass (1/kg) of each vertex, 0 where pinned.
@@ -281,6 +266,11 @@ impl Cloth {
         let [a, b] = link.ends.map(|vertex| self.rest[vertex as usize].truncate().as_dvec3());
         let along = (b - a).normalize_or_zero().abs().dot(self.extents);
         if self.extent > 0.0 { (along / self.extent).min(1.0) } else { 1.0 }
+    }
+
+    /// Stiffness `K (A1 + A2) / l0²` (N/m) of an edge, also of one between aggregates; infinite if inextensible.
+    pub(crate) fn stiffness(&self, link: &Link) -> f64 {
+        if link.shape == 0.0 { 0.0 } else { self.stretch * link.shape }
     }
 
     /// The stiffness of an edge as a multiple of that of firm edges.
@@ -320,7 +310,7 @@ impl Cloth {
         self.springs.get_or_init(|| {
             let ends = self.swept().iter().flat_map(|link| {
                 let [a, b] = link.ends;
-                let spring = |other| Spring { other, rest: link.rest, stiffness: link.stiffness as f32 };
+                let spring = |other| Spring { other, rest: link.rest, stiffness: self.stiffness(link) as f32 };
                 [(a, spring(b)), (b, spring(a))]
             });
             Csr::new(self.rest.len(), ends)

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use glam::Vec3;
 
 use crate::model::csr::Csr;
+use crate::model::disjoint_sets::DisjointSets;
 
 /// Colors the edges with `0..colors` such that edges with a common vertex differ. Deterministic.
 ///
@@ -32,6 +33,31 @@ pub(crate) fn color(edges: &[[u32; 2]], positions: &[Vec3]) -> Coloring {
         (Some(shared), Some(plain)) if shared.colors <= plain.colors => shared,
         (shared, plain) => plain.or(shared).expect("there are colors without end"),
     }
+}
+
+/// Colors the edges so that in the parts of a mesh where some `are_first`, these have lower colors than the others. Other parts are
+/// colored as by [`color`].
+pub(crate) fn color_in_turn(edges: &[[u32; 2]], positions: &[Vec3], are_first: &[bool]) -> Coloring {
+    if !are_first.contains(&true) {
+        return color(edges, positions);
+    }
+    let part = DisjointSets::parts(positions.len(), edges.iter().copied());
+    let mut has_turns = vec![false; positions.len()];
+    edges.iter().zip(are_first).filter(|(_, is)| **is).for_each(|(ends, _)| has_turns[part[ends[0] as usize] as usize] = true);
+    let (turns, others): (Vec<u32>, Vec<u32>) =
+        (0..edges.len() as u32).partition(|&edge| has_turns[part[edges[edge as usize][0] as usize] as usize]);
+    let of_others: Vec<[u32; 2]> = others.iter().map(|&edge| edges[edge as usize]).collect();
+    let Coloring { of: colors_of_others, mut colors } = color(&of_others, positions);
+    let [first, later] = [true, false].map(|first| {
+        let mut palette: Vec<u32> = turns.iter().copied().filter(|&edge| are_first[edge as usize] == first).collect();
+        palette.sort_by_key(|&edge| direction(edges[edge as usize], positions));
+        palette
+    });
+    let in_turn = greedy(edges, [&first[..], &later[..]].into_iter(), usize::MAX, positions.len()).expect("colors without end");
+    let mut of = in_turn.of;
+    others.iter().zip(colors_of_others).for_each(|(&edge, color)| of[edge as usize] = color);
+    colors = colors.max(in_turn.colors);
+    Coloring { of, colors }
 }
 
 /// The result of [`color`].

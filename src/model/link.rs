@@ -1,21 +1,36 @@
 //! An edge of the cloth, with its rest length and stiffness.
 
+/// How often a sweep visits an edge: see [`shells`](crate::model::shells).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) enum Visits {
+    #[default]
+    Once,
+    /// As all edges of a closed shell: in one order, and then in its reverse.
+    ThereAndBack,
+    /// As the diagonals of a tube: before all other edges, and after them in reverse order.
+    FirstAndLast,
+}
+
 /// An edge of the cloth.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Link {
     pub ends: [u32; 2],
     /// Rest length (m).
     pub rest: f32,
-    /// Stiffness `K (A1 + A2) / l0²` (N/m); infinite if inextensible.
-    pub stiffness: f64,
-    /// The same for K = 1 N/m, where K is that of firm edges ([`Cloth::stretch`](crate::model::cloth::Cloth::stretch)).
+    /// Stiffness `(A1 + A2) / l0²` for K = 1 N/m, where K is that of firm edges ([`Cloth::stiffness`](crate::model::cloth::Cloth::stiffness)).
     pub shape: f64,
     /// Factor on the fabric's stiffness ([`Options::edge_scale`](crate::Options::edge_scale)). Of an edge between aggregates,
     /// the stiffness of the fabric along it as a share of what it would be if all edges were firm.
     pub scale: f32,
+    pub visits: Visits,
 }
 
 impl Link {
+    /// Whether the sweep visits the edge a second time.
+    pub(crate) fn is_visited_twice(&self) -> bool {
+        self.visits != Visits::Once
+    }
+
     /// Whether the edge is firm, given the [`least_firm`] factor of the cloth. The stretch of softer ones, as for soft shear, is a
     /// property of the fabric: they have no strain gauges, and tethers do not measure distances along them.
     pub(crate) fn is_firm(&self, least: f32) -> bool {

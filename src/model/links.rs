@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::Vec3;
 
 use crate::model::coloring;
-use crate::model::link::{Link, firm};
+use crate::model::link::{Link, Visits, firm};
 use crate::options::Options;
 
 /// The edges of a mesh, in its order, between renumbered vertices.
@@ -22,8 +22,15 @@ pub(super) struct Links {
 
 impl Links {
     /// `rank` is the number of each of the mesh's vertices, `rest` their positions (m) by number, and `side_area` the area (m²)
-    /// of the triangles at each edge.
-    pub(super) fn new(mesh_edges: &[[u32; 2]], rank: &[u32], rest: &[Vec3], side_area: &[f64], options: &Options) -> Links {
+    /// of the triangles at each edge. `visits` are those of each edge, or empty.
+    pub(super) fn new(
+        mesh_edges: &[[u32; 2]],
+        visits: &[Visits],
+        rank: &[u32],
+        rest: &[Vec3],
+        side_area: &[f64],
+        options: &Options,
+    ) -> Links {
         let numbered = |named: [u32; 2]| named.map(|vertex| rank[vertex as usize]);
         let length = |[a, b]: [u32; 2]| rest[a as usize].as_dvec3().distance(rest[b as usize].as_dvec3());
         let lengths = mesh_edges.iter().map(|&named| length(numbered(named)));
@@ -55,8 +62,8 @@ impl Links {
             }
             let scale = scales.map_or(1.0, |scales| scales[index]);
             let shape = f64::from(scale) / firm * aspect;
-            let stiffness = if shape == 0.0 { 0.0 } else { stretch * shape };
-            links.push(Link { ends, rest: length as f32, stiffness, shape, scale });
+            let visits = visits.get(index).copied().unwrap_or_default();
+            links.push(Link { ends, rest: length as f32, shape, scale, visits });
         }
         let mean_edge = sum / mesh_edges.len().max(1) as f64;
         Links { list: links, longest_edge: longest, mean_edge, firm, stretch, slivers }
@@ -79,19 +86,18 @@ pub(super) fn shortest(longest: f64) -> f64 {
     (1e-7 * longest).max(1e-12)
 }
 
-/// Colors the edges with a free vertex and sorts them by color, those of shells first, with the others after them. Returns
-/// the range of each color.
-pub(super) fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32], in_shell: &[bool]) -> Vec<Range<usize>> {
+/// Colors the edges with a free vertex and sorts them by color, those that are visited twice first, with the others after them.
+/// Returns the range of each color.
+pub(super) fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec<Range<usize>> {
     let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
     links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
     let free = links.partition_point(is_free);
     let ends: Vec<[u32; 2]> = links[..free].iter().map(|link| link.ends).collect();
-    let colors = coloring::color(&ends, rest).batches();
+    let is_first: Vec<bool> = links[..free].iter().map(|link| link.visits == Visits::FirstAndLast).collect();
+    let colors = coloring::color_in_turn(&ends, rest, &is_first).batches();
     let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
     links[..free].copy_from_slice(&sorted);
     let colors: Vec<Range<usize>> = colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect();
-    if !in_shell.is_empty() {
-        colors.iter().for_each(|color| links[color.clone()].sort_by_key(|link| !in_shell[link.ends[0] as usize]));
-    }
+    colors.iter().for_each(|color| links[color.clone()].sort_by_key(|link| !link.is_visited_twice()));
     colors
 }

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3, Vec3};
 use crate::model::cloth::Cloth;
 use crate::model::coloring;
 use crate::model::csr::Csr;
-use crate::model::link::Link;
+use crate::model::link::{Link, Visits};
 use crate::multigrid::aggregation::{Aggregate, holding};
 
 /// If the stiffness along an edge is less than this share of the aggregate's stiffness in all directions, the edge is
@@ -159,7 +159,6 @@ fn voigt(n: DVec3, [e, f]: [DVec3; 2]) -> DVec3 {
 
 /// Everything needed to make the coarse edges of a level.
 pub(crate) struct Edges<'a> {
-    pub cloth: &'a Cloth,
     pub aggregates: &'a [Aggregate],
     pub masses: &'a PointMasses,
     /// Factor on the transport distance at pins.
@@ -206,13 +205,12 @@ impl Edges<'_> {
         if !(rest.is_normal() && rest > 0.0 && part > SLACK) {
             return None;
         }
-        let shape = area / (rest * rest);
         let firmness = pair.map(|aggregate| self.stiffness.firmness(aggregate, n));
         Some(Link {
+            visits: Visits::Once,
             ends: pair,
             rest: rest as f32,
-            stiffness: self.cloth.stretch * shape,
-            shape,
+            shape: area / (rest * rest),
             scale: firmness[0].min(firmness[1]).max(SLACK) as f32,
         })
     }

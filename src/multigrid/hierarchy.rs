@@ -168,7 +168,6 @@ impl Hierarchy {
             // do.
             let pin_share = 1.0 - 0.2 * 0.5_f64.powi(index as i32);
             let edges = Edges {
-                cloth,
                 aggregates: &aggregates,
                 masses: &masses,
                 pin_share,

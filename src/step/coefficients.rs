@@ -33,7 +33,7 @@ impl Coefficients {
         let fine = |link: &Link, floor: f64| {
             let weight = cloth.weight(link);
             let inverse_weight = match options.method {
-                Method::SmallSteps => inverse_weight(1.0 / link.stiffness, weight, softening(cloth, link), floor, length),
+                Method::SmallSteps => inverse_weight(1.0 / cloth.stiffness(link), weight, softening(link), floor, length),
                 // Relaxation ignores stiffness, but an edge scaled to zero still has to be absent.
                 _ if link.shape == 0.0 => 0.0,
                 _ => inverse_weight(0.0, weight, ONE_WAY, 0.0, length),
@@ -43,7 +43,7 @@ impl Coefficients {
         let in_chain = in_chain(cloth);
         let stress = TRANSIENT * cloth.density * STANDARD_GRAVITY * cloth.extent;
         let least = |link: &Link| {
-            if in_chain(link) || cloth.is_in_shell(link) { 0.0 } else { floor(link, cloth.weight(link), length, stress) }
+            if in_chain(link) || link.is_visited_twice() { 0.0 } else { floor(cloth, link, length, stress) }
         };
         let swept = if options.method == Method::Springs { &[] } else { cloth.swept() };
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
@@ -60,7 +60,7 @@ impl Coefficients {
                 let is_soft = hanging > SOFT * cloth.stretch * firmness;
                 let left = (if is_soft { shared } else { left }).min((1.0 - length.resolved / firmness).max(0.0));
                 let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
-                edge(link, inverse_weight(1.0 / (left * link.stiffness), weight, ONE_WAY, 0.0, length))
+                edge(link, inverse_weight(1.0 / (left * cloth.stiffness(link)), weight, ONE_WAY, 0.0, length))
             };
             level.links.iter().map(coarse_edge).collect()
         };
@@ -150,16 +150,16 @@ const UNSEEN: f64 = 5e-5;
 /// not fade where twice the strain cannot be seen, since nothing else keeps a sheet of K = 1e7 N/m at 1000 substeps
 /// from gaining an eighth of the energy of its fall: under a membrane `stress` (N/m) it adds a strain of
 /// `floor h² w k stress/K`, and at most [`UNSEEN`].
-fn floor(link: &Link, weight: f64, length: Length, stress: f64) -> f64 {
+fn floor(cloth: &Cloth, link: &Link, length: Length, stress: f64) -> f64 {
     let longest = f64::from(length.longest_h);
     let substeps = 1.0 / (60.0 * longest);
     if substeps <= MANY {
         return 0.0;
     }
     let most = 0.5 * (1.0 - MANY / substeps);
-    let square = longest * longest * weight;
+    let square = longest * longest * cloth.weight(link);
     // `(S/S*)²` of this edge.
-    let resolved = 2.0 / (link.stiffness * square);
+    let resolved = 2.0 / (cloth.stiffness(link) * square);
     let fading = most * (1.0 - resolved).max(0.0).powi(2);
     let unseen = UNSEEN / (square * link.shape * stress);
     fading.max(unseen.min(most))

@@ -197,14 +197,14 @@ const BOTH_WAYS: f64 = 0.25;
 
 /// The compliance that the sweep adds to an edge, as a multiple of `h² w`: derived in
 /// [`step::coefficients`](crate::step::coefficients).
-pub(crate) fn softening(cloth: &Cloth, link: &Link) -> f64 {
-    if cloth.is_in_shell(link) { BOTH_WAYS } else { ONE_WAY }
+pub(crate) fn softening(link: &Link) -> f64 {
+    if link.is_visited_twice() { BOTH_WAYS } else { ONE_WAY }
 }
 
 /// Substeps per second that resolve the 95th percentile of the edges at K = 1 N/m: `sqrt(k_e (w_i + w_j) / 2)`, in shells
 /// `sqrt(k_e (w_i + w_j) / 4)`, with a weight per edge.
 fn unit_rate(cloth: &Cloth, weighed: impl Fn(&Link) -> f64) -> f64 {
-    let rate = |link: &Link| (link.shape * cloth.weight(link) * softening(cloth, link) * weighed(link)).sqrt();
+    let rate = |link: &Link| (link.shape * cloth.weight(link) * softening(link) * weighed(link)).sqrt();
     let mut rates: Vec<f64> = cloth.swept().iter().map(rate).collect();
     if rates.is_empty() {
         return 0.0;
@@ -225,7 +225,7 @@ fn explicit_rate(cloth: &Cloth, fabric: Fabric) -> f64 {
     let stretch = largest_eigenvalue(cloth, |q, out| {
         for link in cloth.swept() {
             let [a, b] = link.ends.map(|vertex| vertex as usize);
-            let force = link.stiffness * (q[a] - q[b]);
+            let force = cloth.stiffness(link) * (q[a] - q[b]);
             out[a] += force;
             out[b] -= force;
         }

@@ -90,7 +90,7 @@ impl Watch {
         let free = cloth.rest.iter().zip(&cloth.mass).filter(|(x, _)| x.w > 0.0);
         let mass: f64 = free.map(|(_, &mass)| f64::from(mass)).sum();
         let per_mass = if mass > 0.0 { 1.0 / mass } else { 0.0 };
-        let elastic: f64 = cloth.swept().iter().map(|link| link.stiffness * f64::from(link.rest).powi(2)).sum();
+        let elastic: f64 = cloth.swept().iter().map(|link| cloth.stiffness(link) * f64::from(link.rest).powi(2)).sum();
         let scales = options.edge_scale.iter().flatten().filter(|&&scale| scale > 0.0);
         let softest = f64::from(options.fabric.stretch) * f64::from(scales.copied().fold(1.0, f32::min));
         // Relaxation knows no stiffness.

@@ -120,3 +120,24 @@ fn random_graphs_stay_within_first_fits_bound() {
         assert!(check(&edges, &positions) < 2 * degree.max(1));
     }
 }
+
+/// Edges that are to be first are, and a part without such edges is colored as if it were alone.
+#[test]
+fn some_edges_come_first() {
+    let sheet = Mesh::grid(9, 7, 1.0, 1.0);
+    let (count, alone) = (sheet.positions.len() as u32, sheet.edges());
+    let positions: Vec<Vec3> = sheet.positions.iter().chain(&sheet.positions).copied().collect();
+    let edges: Vec<[u32; 2]> = alone.iter().copied().chain(alone.iter().map(|ends| ends.map(|end| end + count))).collect();
+    let is_diagonal = |ends: &[u32; 2]| ends[0] >= count && !matches!(ends[1] - ends[0], 1 | 9);
+    let are_first: Vec<bool> = edges.iter().map(is_diagonal).collect();
+    let found = color_in_turn(&edges, &positions, &are_first);
+    let mut seen = std::collections::HashSet::new();
+    for (edge, &color) in edges.iter().zip(&found.of) {
+        edge.iter().for_each(|&vertex| assert!(seen.insert((vertex, color)), "vertex {vertex} has color {color} twice"));
+    }
+    assert_eq!(found.of[..alone.len()], color(&alone, &sheet.positions).of);
+    let colors = |first: bool| {
+        (alone.len()..edges.len()).filter(|&edge| are_first[edge] == first).map(|edge| found.of[edge]).collect::<Vec<_>>()
+    };
+    assert!(colors(true).iter().max() < colors(false).iter().min());
+}

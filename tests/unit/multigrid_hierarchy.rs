@@ -64,7 +64,7 @@ fn check(mesh: &Mesh, options: Options) -> Vec<Level> {
             for link in &level.links[range.clone()] {
                 let weights = link.ends.map(|end| level.inverse_mass[end as usize]);
                 assert!(weights[0] + weights[1] > 0.0, "no edge between pins");
-                assert!(link.rest > 0.0 && link.rest.is_finite() && link.stiffness > 0.0, "{link:?}");
+                assert!(link.rest > 0.0 && link.rest.is_finite() && link.shape > 0.0, "{link:?}");
                 assert!(link.ends.iter().all(|end| seen.insert(*end)), "edges of a color share no end");
                 visited += 1;
             }

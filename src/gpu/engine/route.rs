@@ -123,8 +123,8 @@ impl GpuEngine {
         // All levels together have a few more colors than the cloth. A pass of bending and the wind each take as long
         // as a sweep.
         let passes = if plan.bending { plan.coefficients.bending.passes_or_one().len() as u32 } else { 0 };
-        // There and back in shells.
-        let ways = 1 + u32::from(plan.cloth.has_shells());
+        // There and back in shells and tubes.
+        let ways = 1 + u32::from(plan.cloth.sweeps_back);
         let sweeps = ways * plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
         let lasts = plan.params.substeps.saturating_mul(sweeps);
         let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
