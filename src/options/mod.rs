@@ -90,8 +90,8 @@ pub enum Backend {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Method {
-    /// XPBD with small steps (Macklin et al. 2019): one sweep over the edges per substep (there and back in closed shells), second-order accurate in the
-    /// substep. See "How it works" on the [front page](crate).
+    /// XPBD with small steps (Macklin et al. 2019): one sweep over the edges per substep (there and back in closed shells; the
+    /// diagonals of tubes are visited first and last), second-order accurate in the substep. See "How it works" on the [front page](crate).
     #[default]
     SmallSteps,
     /// Position Verlet with Jakobsen's relaxation (2001), as in the 2013 plug-in. Stiffness depends on the iterations

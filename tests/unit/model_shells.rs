@@ -52,6 +52,11 @@ fn what_bulges_or_is_closed_is_a_shell_and_tubes_have_diagonals() {
         Vec3::new((0.3 + 0.1 * cos) * around.cos(), 0.1 * sin, (0.3 + 0.1 * cos) * around.sin())
     });
     let tube = wrapped(25, 9, |down, around| Vec3::new(0.2 * around.cos(), 0.2 * down, 0.2 * around.sin()));
+    // Five of the eight rows are sheared by half a cell, which leaves the triangles there with two equal sides.
+    let sheared = wrapped(25, 9, |down, around| {
+        let around = around - PI / 24.0 * (8.0 * down / PI).min(5.0);
+        Vec3::new(0.2 * around.cos(), 0.2 * down, 0.2 * around.sin())
+    });
     // A tube that opens like a trumpet at both ends has negative curvature.
     let spool = wrapped(25, 9, |down, around| {
         let radius = 0.2 + 0.1 * (down - 0.5 * PI).powi(2);
@@ -80,6 +85,7 @@ fn what_bulges_or_is_closed_is_a_shell_and_tubes_have_diagonals() {
         ("sheet", Mesh::grid(9, 9, 1.0, 1.0), [0.0, 0.0]),
         ("two-sided sheet", two_sided, [0.0, 0.0]),
         ("tube", tube, [0.0, 1.0 / 3.0]),
+        ("mostly sheared tube", sheared, [0.0, 0.0]),
         ("spool", spool, [0.0, 1.0 / 3.0]),
         ("sheet with a hole", ring, [0.0, 1.0 / 3.0]),
         ("quilt", quilt, [0.0, 0.0]),
