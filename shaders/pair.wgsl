@@ -4,6 +4,7 @@ const RELAXATION: f32 = 1.7;
 const THIN: f32 = 1e-6;
 const NARROW: f32 = 0.2;
 const LONG: f32 = 1e-6;
+const PARALLEL: f32 = 1e-6;
 const SLACK: f32 = 0.01;
 const DEEP: f32 = 0.2;
 const UNWINDING: f32 = 0.125;
@@ -140,7 +141,7 @@ fn edge_edge(at: Four) -> vec4f {
     let across = a * e - b * b;
     // On parallel edges any point will do.
     var s = 0.0;
-    if across >= a * e * 1e-6 {
+    if across >= a * e * PARALLEL {
         s = clamp((b * f - c * e) / max(across, 1e-30), 0.0, 1.0);
     }
     let t = clamp((b * s + f) / e, 0.0, 1.0);

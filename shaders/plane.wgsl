@@ -3,7 +3,6 @@
 const CLEARANCE: f32 = 0.05;
 const SEPARATES: f32 = 0.03;
 const SLIDING: f32 = 1.6;
-const PARALLEL: f32 = 1e-6;
 // More than any height [m].
 const FAR: f32 = 3e38;
 

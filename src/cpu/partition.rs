@@ -85,7 +85,7 @@ impl Partition {
     /// The pieces of each round on the way back of a sweep, which visits the rounds from the last to the first, and in
     /// each piece the edges with a second visit in reverse order. Empty if there are none.
     pub(crate) fn rounds_back(&self, cloth: &Cloth) -> Vec<Vec<Piece>> {
-        let again = |&edge: &u32| cloth.links[edge as usize].is_visited_twice();
+        let again = |&edge: &u32| cloth.is_visited_again(edge as usize);
         let back = |Piece { edges, .. }: &Piece| {
             let edges = edges.iter().rev().copied().filter(again).collect();
             Piece { edges, ..Piece::default() }

@@ -26,6 +26,8 @@ pub(crate) const THIN: f32 = 1e-6;
 /// close that the direction between them is that of [`perpendicular`].
 pub(crate) const NARROW: f32 = 0.2;
 pub(crate) const LONG: f32 = 1e-6;
+/// Two edges count as parallel if the squared sine of the angle between them is below this.
+pub(crate) const PARALLEL: f32 = 1e-6;
 /// Replaces 0 in comparisons that should include equality.
 const TINY: f32 = f32::MIN_POSITIVE;
 
@@ -101,7 +103,7 @@ pub(crate) fn edge_edge<L: Lanes>([a0, a1, b0, b1]: [Vector<L>; 4]) -> [L; 4] {
     let (a, e, f, c, b) = (d1.dot(d1).max(tiny), d2.dot(d2).max(tiny), d2.dot(r), d1.dot(r), d1.dot(d2));
     let across = b.neg_mul_add(b, a * e);
     // On parallel edges any pair of nearest points will do.
-    let parallel = across.lt(a * e * L::splat(1e-6));
+    let parallel = across.lt(a * e * L::splat(PARALLEL));
     let s = L::select(parallel, zero, clamp01(c.neg_mul_add(e, b * f) / across.max(tiny)));
     let t = clamp01(b.mul_add(s, f) / e);
     // Where the parameter on the second edge was clamped, recompute that on the first.

@@ -6,7 +6,7 @@
 
 use glam::Vec3A;
 
-use super::pair::clamp01;
+use super::pair::{PARALLEL, clamp01};
 use crate::simd::{Lanes, Vector};
 
 /// The [`clearance`], as a share of the distance between the sides, or of the thickness if that is more.
@@ -16,8 +16,6 @@ pub(crate) const CLEARANCE: f32 = 0.05;
 pub(crate) const SEPARATES: f32 = 0.03;
 /// Relaxation factor of [`excess`]. It shortens displacements below 2, and below 1 leaves more of them to be truncated.
 pub(crate) const SLIDING: f32 = 1.6;
-/// Two edges count as parallel if the squared sine of the angle between them is below this.
-pub(crate) const PARALLEL: f32 = 1e-6;
 
 /// A plane between the sides of a pair.
 #[derive(Clone, Copy)]

@@ -246,11 +246,18 @@ impl Cloth {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
     }
 
+    /// Whether the sweep visits an edge of [`swept`](Self::swept) again on its way back. Those of the last color, with which it turns, have just
+    /// been solved.
+    pub(crate) fn is_visited_again(&self, edge: usize) -> bool {
+        self.links[edge].is_visited_twice() && self.colors.last().is_some_and(|last| edge < last.start)
+    }
+
     /// The ranges of edges that a sweep visits one after another: each color, and then those with a second visit in reverse order.
     #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn visits(&self) -> Vec<Range<usize>> {
-        let again =
-            |&Range { start, end }: &Range<usize>| start..start + self.links[start..end].partition_point(Link::is_visited_twice);
+        let again = |color: &Range<usize>| {
+            color.start..color.start + color.clone().take_while(|&edge| self.is_visited_again(edge)).count()
+        };
         let back = self.colors.iter().rev().map(again).filter(|range| !range.is_empty());
         self.colors.iter().cloned().chain(back).collect()
     }

@@ -1,5 +1,7 @@
 //! Analytic colliders as the kernels take them.
 
+use std::mem::discriminant;
+
 use glam::Vec3;
 
 use crate::attributes::{Collider, Shape};
@@ -11,7 +13,9 @@ use crate::model::cloth::Cloth;
 /// its ends.
 pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
     let &Cloth { origin, longest_edge, mean_edge, .. } = cloth;
-    let (shape, last) = (now.relative_to(origin).shape, last.relative_to(origin).shape);
+    let [shape, last] = [now, last].map(|collider| collider.relative_to(origin).shape);
+    // If the kind of shape changed, there is no motion to interpolate.
+    let last = if discriminant(&last) == discriminant(&shape) { last } else { shape.clone() };
     // A sharp edge (radius 0) is not enlarged.
     let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest_edge.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
     // From the two ends with their radii, at the step's start and end. A sphere has the same end twice.
@@ -79,8 +83,7 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
                 ..Body::default()
             }
         }
-        // The kind of shape changed, so there is no motion to interpolate.
-        _ => moving(now, now, cloth),
+        _ => unreachable!("a collider made of triangles is no analytic one"),
     }
 }
 

@@ -22,7 +22,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("SQUEEZED", Literal::F32(pair::SQUEEZED)),
         ("SLIDING", Literal::F32(plane::SLIDING)),
         ("SEPARATES", Literal::F32(plane::SEPARATES)),
-        ("PARALLEL", Literal::F32(plane::PARALLEL)),
+        ("PARALLEL", Literal::F32(pair::PARALLEL)),
         ("LASTS", Literal::F32(paths::LASTS)),
         ("MARGIN_DECAY", Literal::F32(paths::MARGIN_DECAY)),
         ("MIN_AHEAD", Literal::F32(paths::AHEAD[0])),

@@ -56,12 +56,12 @@ fn every_width_sweeps_as_the_oracle_does() {
     sweeps_as_the_oracle_does(Mesh::grid(37, 61, 1.0, 1.6));
 }
 
-/// The edges of a closed shell are visited once more, color by color in reverse order.
+/// The edges of a closed shell are visited once more, color by color in reverse order, except for those of the last color.
 #[test]
 fn a_shell_is_swept_there_and_back() {
     let cloth = Cloth::new(&cushion(33), &Options::default()).unwrap();
     let [there, back] = [cloth.colors.clone(), cloth.visits().split_off(cloth.colors.len())];
-    assert!(back.iter().eq(there.iter().rev()));
+    assert!(back.iter().eq(there.iter().rev().skip(1)));
     sweeps_as_the_oracle_does(cushion(33));
 }
 
