@@ -57,7 +57,10 @@ fn project_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
 fn hold_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let d = d0 + du;
     let r = dot(d, d) * edge.inverse_rest * edge.inverse_rest - 1.0;
-    let left = max(1.0 + min(r, 0.0) / SLACK_BAND, 0.0);
+    let left = 1.0 + min(r, 0.0) * (1.0 / SLACK_BAND);
+    if left <= 0.0 {
+        return vec3f();
+    }
     return project_edge(d0, du, edge) * (left * left);
 }
 

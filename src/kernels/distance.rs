@@ -52,13 +52,13 @@ pub(crate) struct EdgeCorrection<L: Lanes> {
 /// share equal to its strain, at any number of substeps.
 #[inline(always)]
 pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    project::<L, false>(d0, du, inverse_rest)
+    project::<L, false>(d0, du, inverse_rest, L::splat(0.0))
 }
 
 /// The correction of a coarse edge that only pulls: the centers of aggregates may come arbitrarily close.
 #[inline(always)]
 pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    project::<L, true>(d0, du, inverse_rest)
+    project::<L, true>(d0, du, inverse_rest, L::splat(0.0))
 }
 
 /// The correction of a coarse edge that pulls, and also pushes a little while it is hardly compressed.
@@ -71,10 +71,10 @@ pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_res
 #[inline(always)]
 pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let mut correction = project::<L, false>(d0, du, inverse_rest);
+    let mut correction = project::<L, true>(d0, du, inverse_rest, L::splat(-SLACK_BAND));
     let d = d0 + du;
     let r = d.dot(d).mul_add(inverse_rest * inverse_rest, L::splat(-1.0));
-    let left = r.mul_add(L::splat(1.0 / SLACK_BAND), one).max(zero);
+    let left = r.mul_add(L::splat(1.0 / SLACK_BAND), one);
     correction.scale = L::select(r.lt(zero), correction.scale * left * left, correction.scale);
     correction
 }
@@ -89,10 +89,9 @@ pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L
     EdgeCorrection { scale: one - one / (inverse_rest * length), at_start: nowhere }
 }
 
-/// [`project_edge`], or with `PULL` [`project_coarse`].
+/// [`project_edge`], or for a `COARSE` edge that has no correction where `(l/l0)² - 1` is below `slack`.
 #[inline(always)]
-fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    let zero = L::splat(0.0);
+fn project<L: Lanes, const COARSE: bool>(d0: Vector<L>, du: Vector<L>, inverse_rest: L, slack: L) -> EdgeCorrection<L> {
     let d = d0 + du;
     let less_one = L::splat(-1.0);
     let inverse_square = inverse_rest * inverse_rest;
@@ -103,17 +102,17 @@ fn project<L: Lanes, const PULL: bool>(d0: Vector<L>, du: Vector<L>, inverse_res
     // Both are compared, because taking a maximum first could drop a NaN.
     let hardly_stretched = L::and(r.abs().lt(guard), r0.abs().lt(guard));
     let mut at_start = L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched);
-    let slack = r.lt(zero);
-    if PULL {
-        // A compressed edge gets no correction, so its direction is irrelevant and the path with a root is not needed for it.
-        at_start = L::or(at_start, slack);
+    let is_slack = r.lt(slack);
+    if COARSE {
+        // Without a correction the direction is irrelevant, and the path with a root is not needed.
+        at_start = L::or(at_start, is_slack);
     }
     let mut scale = inverse_length(r0) * excess_length(r);
     if !L::all(at_start) {
         scale = L::select(at_start, scale, relax_edge(d0, du, inverse_rest).scale);
     }
-    if PULL {
-        scale = L::select(slack, zero, scale);
+    if COARSE {
+        scale = L::select(is_slack, L::splat(0.0), scale);
     }
     EdgeCorrection { scale, at_start }
 }
