@@ -56,7 +56,8 @@ impl Engine {
 
     #[cfg(feature = "gpu")]
     pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
-        let find = |software| match &options.gpu {
+        let find = |software: bool| match &options.gpu {
+            Some(gpu) if gpu.is_software() && !software => Err("it is a software driver".into()),
             Some(gpu) => Ok(gpu.clone()),
             None => Gpu::shared(software),
         };
@@ -317,3 +318,7 @@ fn gpu_pays(cloth: &Cloth, options: &Options) -> bool {
     };
     may_wait && cloth.rest.len() >= least && !matches!(options.quality, Quality::Budget(_))
 }
+
+#[cfg(all(test, feature = "gpu"))]
+#[path = "../tests/unit/backend.rs"]
+mod tests;

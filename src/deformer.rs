@@ -211,7 +211,8 @@ impl Deformer {
     /// may take another code path than by itself, and then differs by rounding.
     ///
     /// # Errors
-    /// As [`Deformer::step`], for each cloth by itself.
+    /// As [`Deformer::step`], for each cloth by itself; but if a GPU fails or refuses something to one cloth, all on it return that
+    /// error. Where it was a limit, the others are unharmed and can be stepped again.
     pub fn step_all<'a>(
         crowd: impl IntoIterator<Item = (&'a mut Deformer, &'a Attributes)>,
         dt: f32,

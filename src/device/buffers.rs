@@ -22,30 +22,47 @@ impl Gpu {
     pub(crate) fn meets(&self, thing: &'static str, bytes: u64) -> Result<(), GpuFault> {
         let limits = self.device().limits();
         let (limit, allowed) = self.most_bytes();
-        let needs = [
-            (thing, bytes, limit, allowed),
+        // What wgpu's defaults allow in any case, in the words of its limits.
+        let counts = [
             (
                 "storage buffers of a stage",
                 8,
                 "max_storage_buffers_per_shader_stage",
-                limits.max_storage_buffers_per_shader_stage.into(),
+                limits.max_storage_buffers_per_shader_stage,
             ),
             (
-                "threads of a workgroup",
-                64,
-                "max_compute_invocations_per_workgroup",
-                limits.max_compute_invocations_per_workgroup.into(),
+                "uniform buffers of a stage",
+                3,
+                "max_uniform_buffers_per_shader_stage",
+                limits.max_uniform_buffers_per_shader_stage,
             ),
-            ("threads of a workgroup", 64, "max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x.into()),
-            ("workgroups", 65_535, "max_compute_workgroups_per_dimension", limits.max_compute_workgroups_per_dimension.into()),
+            (
+                "uniform buffers with an offset",
+                2,
+                "max_dynamic_uniform_buffers_per_pipeline_layout",
+                limits.max_dynamic_uniform_buffers_per_pipeline_layout,
+            ),
+            ("bind groups", 2, "max_bind_groups", limits.max_bind_groups),
+            ("bindings of a group", 18, "max_bindings_per_bind_group", limits.max_bindings_per_bind_group),
+            ("workgroups", 65_535, "max_compute_workgroups_per_dimension", limits.max_compute_workgroups_per_dimension),
         ];
+        let uniforms = ("uniforms", 4096, "max_uniform_buffer_binding_size", limits.max_uniform_buffer_binding_size);
+        let counts = counts.map(|(thing, needed, limit, allowed)| (thing, needed, limit, u64::from(allowed)));
         if self.is_lost() {
             return Err(GpuFault::Lost);
         }
-        match needs.into_iter().find(|&(_, needed, _, allowed)| needed > allowed) {
-            Some((thing, needed, limit, allowed)) => Err(GpuFault::Limit(Excess { thing, needed, limit, allowed })),
-            None => Ok(()),
-        }
+        allows([(thing, bytes, limit, allowed), uniforms].into_iter().chain(counts))?;
+        self.has_threads(64)
+    }
+
+    /// Fails if a workgroup cannot have so many threads.
+    pub(crate) fn has_threads(&self, needed: usize) -> Result<(), GpuFault> {
+        let limits = self.device().limits();
+        let allowed = [
+            ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup),
+            ("max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x),
+        ];
+        allows(allowed.into_iter().map(|(limit, allowed)| ("threads of a workgroup", needed as u64, limit, allowed.into())))
     }
 
     /// Workgroup memory (bytes).
@@ -94,5 +111,13 @@ impl Gpu {
     /// Writes values at byte `start` of a buffer, ahead of the next submission.
     pub(crate) fn write<T: Pod>(&self, buffer: &wgpu::Buffer, start: usize, values: &[T]) {
         self.queue().write_buffer(buffer, start as u64, bytemuck::cast_slice(values));
+    }
+}
+
+/// Fails if more is needed of a thing than a limit allows: thing, amount needed, name of the limit, amount allowed.
+fn allows(mut needs: impl Iterator<Item = (&'static str, u64, &'static str, u64)>) -> Result<(), GpuFault> {
+    match needs.find(|&(_, needed, _, allowed)| needed > allowed) {
+        Some((thing, needed, limit, allowed)) => Err(GpuFault::Limit(Excess { thing, needed, limit, allowed })),
+        None => Ok(()),
     }
 }

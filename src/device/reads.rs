@@ -47,9 +47,12 @@ impl Mapping {
             Some(false) => return Err(gpu.unmapped(thing)),
             Some(true) => {}
         }
-        let seen = self.staging.get_mapped_range(..).map(|bytes| read(&bytes)).map_err(GpuFault::other);
-        self.staging.unmap();
-        seen.map(Some)
+        // A device that is lost by now has neither the bytes nor the buffer.
+        gpu.checked(|| {
+            let seen = self.staging.get_mapped_range(..).map(|bytes| read(&bytes)).map_err(GpuFault::other);
+            self.staging.unmap();
+            seen.map(Some)
+        })
     }
 }
 

@@ -53,9 +53,9 @@ pub(crate) struct GpuEngine {
     /// Whether a single workgroup is the fastest route even for a cloth alone. `single_workgroup` is created when a step
     /// first uses it.
     small: bool,
-    /// Whether that holds with bending or wind, too. A software driver compiles such a kernel for minutes, and anew for
-    /// each mesh, so there a cloth alone takes the other routes.
-    small_with_forces: bool,
+    /// Whether a single workgroup may also do bending and wind. A software driver compiles such a kernel for minutes, and anew
+    /// for each mesh, so there the other routes are taken, also in a crowd.
+    pub(crate) joins_forces: bool,
     pub(crate) single_workgroup: Option<SingleWorkgroup>,
     /// Contact of the cloth with itself and with mesh colliders, if it has any.
     pub(crate) contact: Option<Box<GpuContact>>,
@@ -98,7 +98,7 @@ impl GpuEngine {
         size: TileSize,
     ) -> Result<GpuEngine, GpuFault> {
         let mut engine = GpuEngine::make(gpu, cloth, method, (route, size), None)?;
-        engine.small_with_forces = engine.small;
+        engine.joins_forces = true;
         engine.set(&cloth.rest, &vec![Vec4::ZERO; cloth.rest.len()]);
         Ok(engine)
     }
@@ -127,7 +127,7 @@ impl GpuEngine {
             let readback = Readback::new(&gpu, &forces.states[0], &commit.found);
             Ok(GpuEngine {
                 report: Report::new(&gpu),
-                small_with_forces: route == Route::SingleWorkgroup && !gpu.is_software(),
+                joins_forces: !gpu.is_software(),
                 gpu,
                 forces,
                 bodies,
@@ -268,7 +268,7 @@ impl GpuEngine {
     /// Makes the stages that the step needs and that do not exist yet. Returns how it is to be executed, the part of it that is
     /// computed before its sweep, and whether the coarse levels are new.
     fn make_stages<'a>(&mut self, plan: &Plan<'a>, crowd: bool) -> (Route, Plan<'a>, bool) {
-        if (crowd || self.is_small(plan)) && !plan.has_contact() {
+        if self.may_be_small(plan, crowd) && !plan.has_contact() {
             self.make_single_workgroup(plan);
         }
         let route = self.route(plan, crowd);

@@ -288,6 +288,8 @@ fn each_of_a_crowd_is_one_dispatch() {
         (cloth, options, coefficients, attributes)
     });
     let mut engines = scenes.each_ref().map(|(cloth, options, ..)| GpuEngine::new(gpu.clone(), cloth, options.method).unwrap());
+    // As on hardware.
+    engines.iter_mut().for_each(|engine| engine.joins_forces = true);
     let mut buffers = [(); 4].map(|()| PlanBuffers::default());
     let motions = scenes.each_ref().map(|(cloth, ..)| Motion::after(cloth, &cloth.rest, 0.0));
     let plans =

@@ -7,6 +7,7 @@ use crate::contact::ContactPast;
 use crate::device::fault::GpuFault;
 use crate::device::{Gpu, IN_BROWSER};
 use crate::error::failure::Failure;
+use crate::gpu::contact::encode::COMPARERS;
 use crate::gpu::contact::{GpuContact, Judgment};
 use crate::gpu::submission::Submission;
 use crate::kernels::params::Params;
@@ -43,6 +44,9 @@ impl GpuEngine {
             return Ok(None);
         }
         let gpu = self.gpu.clone();
+        if is_wanted {
+            gpu.has_threads(COMPARERS)?;
+        }
         let make = || is_wanted.then(|| GpuContact::new(&gpu, cloth, contact, meshes.cloned().collect())).flatten();
         let made = gpu.checked(|| Ok(make()))?.map(Box::new);
         Ok(Some(self.replace_contact(made)))

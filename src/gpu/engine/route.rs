@@ -114,9 +114,9 @@ impl GpuEngine {
         Plan { params: Params { predicted, ..plan.params }, ..forced }
     }
 
-    /// Whether a single workgroup is the fastest route for the step of a cloth alone.
-    pub(super) fn is_small(&self, plan: &Plan<'_>) -> bool {
-        if plan.bending || plan.wind { self.small_with_forces } else { self.small }
+    /// Whether a single workgroup is the fastest route for the step of a cloth alone, or of one in a crowd.
+    pub(super) fn may_be_small(&self, plan: &Plan<'_>, crowd: bool) -> bool {
+        (crowd || self.small) && (self.joins_forces || !(plan.bending || plan.wind))
     }
 
     pub(super) fn route(&self, plan: &Plan<'_>, crowd: bool) -> Route {
@@ -127,7 +127,7 @@ impl GpuEngine {
         let ways = 1 + u32::from(plan.cloth.sweeps_back);
         let sweeps = ways * plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
         let lasts = plan.params.substeps.saturating_mul(sweeps);
-        let pays = crowd || plan.cloth.rest.len() <= SMALL && self.is_small(plan);
+        let pays = (crowd || plan.cloth.rest.len() <= SMALL) && self.may_be_small(plan, crowd);
         match (&self.sweep, &self.single_workgroup) {
             (_, Some(single)) if pays && !plan.has_contact() && lasts <= LONGEST_DISPATCH && single.does(plan) => {
                 Route::SingleWorkgroup

@@ -150,6 +150,10 @@ impl GpuEngine {
     /// Submits the computation of the normals after the steps so far.
     pub(crate) fn surface(&mut self, cloth: &Cloth) -> Result<Surface, Failure> {
         let GpuEngine { gpu, forces, normals, .. } = self;
+        // A lost device takes submissions as if nothing had happened.
+        if gpu.is_lost() {
+            return Err(Failure::Gpu(GpuFault::Lost));
+        }
         gpu.checked(|| {
             let normals = normals.get_or_insert_with(|| Normals::new(gpu, cloth, &forces.states[0].x));
             normals.submit(gpu);
