@@ -208,8 +208,8 @@ impl Deformer {
     /// copy through the CPU. `None` unless the backend is [`Backend::Gpu`](crate::Backend::Gpu).
     ///
     /// Call it in each frame: it submits the computation of the normals after the steps so far. Submit the draw to the
-    /// same queue, after this call and before the next call that changes the cloth (a step, `reset`, `restore`, `warp` ..). The first call builds what it needs, so a cloth that is
-    /// never drawn pays nothing.
+    /// same queue, after this call and before the next one that changes the cloth: a step, `reset`, `restore`, `warp` and so
+    /// on. The first call builds what it needs, so a cloth that is never drawn pays nothing.
     ///
     /// # Errors
     /// If the GPU was lost, or has no memory left.

@@ -71,8 +71,9 @@ impl SharedDevice {
 }
 
 impl Gpu {
-    /// Wraps a device and its queue; `name` is used in reports. Clones share the compiled kernels, so give clones of
-    /// one `Gpu` to all cloths on that device. [`Deformer::step_all`](crate::Deformer::step_all) submits cloths that
+    /// Wraps a device and its queue; `name` is used in reports. A device with `wgpu::Limits::default()` suffices, except that
+    /// large meshes need larger `max_storage_buffer_binding_size` and `max_buffer_size`. Clones share the compiled kernels, so
+    /// give clones of one `Gpu` to all cloths on that device. [`Deformer::step_all`](crate::Deformer::step_all) submits cloths that
     /// share one together.
     #[must_use]
     pub fn new(device: wgpu::Device, queue: wgpu::Queue, name: String) -> Gpu {

@@ -62,7 +62,8 @@ impl BoundMesh {
     }
 
     /// Submits the computation of the positions after all steps submitted so far. Call it in each frame, and submit the
-    /// commands that draw them to the same queue, after this call and before the next call that changes the cloth (a step, `reset`, `restore`, `warp` ..).
+    /// commands that draw them to the same queue, after this call and before the next one that changes the cloth: a step,
+    /// `reset`, `restore`, `warp` and so on.
     pub fn apply(&self) {
         self.normals.submit(&self.gpu);
         self.stage.submit(&self.gpu, &self.uniforms, self.vertices);
