@@ -246,8 +246,8 @@ impl Cloth {
         &self.links[..self.colors.last().map_or(0, |range| range.end)]
     }
 
-    /// Whether the sweep visits an edge of [`swept`](Self::swept) again on its way back. Those of the last color, with which it turns, have just
-    /// been solved.
+    /// Whether the sweep visits an edge of [`swept`](Self::swept) again on its way back. Those of the last color, with which it turns,
+    /// have just been solved.
     pub(crate) fn is_visited_again(&self, edge: usize) -> bool {
         self.links[edge].is_visited_twice() && self.colors.last().is_some_and(|last| edge < last.start)
     }

@@ -8,9 +8,9 @@
 //! order.
 //!
 //! An open tube, or anything else that is open and can be cut without falling apart, is pumped in the same way, slowly, if it is
-//! made of quads that are all cut along the same diagonal. There it is enough to visit the diagonals before the other edges and again after them:
-//! the others are nearly at right angles, so that their order does not matter, and the sweep is all but symmetric
-//! (`benches/results/quality.md`).
+//! made of quads that are all cut along the same diagonal. There it is enough to visit the diagonals before the other edges and
+//! again after them: the others are nearly at right angles, so that their order does not matter, and the sweep is all but
+//! symmetric (`benches/results/quality.md`).
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
