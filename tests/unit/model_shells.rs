@@ -71,9 +71,9 @@ fn what_bulges_or_is_closed_is_a_shell_and_tubes_have_diagonals() {
     };
     let mut two_sided = Mesh::grid(9, 9, 1.0, 1.0);
     two_sided.triangles.extend(two_sided.triangles.clone().iter().map(|&[a, b, c]| [c, b, a]));
-    // The share of edges that are visited there and back, and first and last.
     let mut ring = Mesh::grid(9, 9, 1.0, 1.0);
     ring.triangles.retain(|triangle| !triangle.contains(&40));
+    // The share of edges that are visited there and back, and first and last.
     for (name, mesh, shares) in [
         ("ball", ball(0.0), [1.0, 0.0]),
         ("most of a ball", ball(0.8), [1.0, 0.0]),
