@@ -8,21 +8,23 @@
 //! also beyond the cloth's border. Corners and normals move with the cloth, so a rigid motion is reproduced to
 //! rounding, and so is a uniform stretch of a triangle. Between its vertices the cloth is flat: where it is bent with
 //! radius R, edges of length `l` cut the curve by `l²/8R`.
+//!
+//! A normal of the render mesh is a sum along the triangle's sides and `n`, and moves with them: exactly if the cloth moves rigidly,
+//! and where it is stretched by a strain `e`, it turns by at most `e` of what it leans from `n`.
+
+mod triangle_tree;
 
 use glam::{DMat3, DVec3, Vec3};
 
-#[cfg(feature = "gpu")]
-use crate::gpu::BoundVertex;
+use crate::kernels::follow::{BoundVertex, cloth_normal, foot, render_normal};
 use crate::kernels::limits::{MAX_POSITION, is_bounded};
-use crate::kernels::pair::vertex_triangle;
-use crate::model::mesh::{Mesh, bounds, edges, is_proper};
+use crate::model::mesh::{Mesh, edges, is_proper};
 #[cfg(feature = "gpu")]
 use crate::model::vertex_order;
 use crate::model::winding::wind_alike;
-use crate::simd::Vector;
 
-/// Number of triangles in a leaf of the search tree.
-const LEAF: usize = 4;
+use triangle_tree::{Near, TriangleTree};
+
 /// Heights below this share of the cloth's extent count as zero.
 const FLAT: f64 = 1e-7;
 /// If the sine of the angle between smooth normal and triangle plane is smaller than this, the triangle's own normal is
@@ -56,6 +58,25 @@ pub enum BindError {
         /// Its position.
         position: Vec3,
     },
+    /// A normal is not finite.
+    #[error("the normal of vertex {vertex} of the render mesh is {normal}; normals must be finite")]
+    Normal {
+        /// The vertex.
+        vertex: usize,
+        /// Its normal.
+        normal: Vec3,
+    },
+    /// The number of normals is not the number of vertices.
+    #[error("{given} normals were given for the {expected} vertices of the render mesh; give one for each")]
+    NormalCount {
+        /// Number of normals.
+        given: usize,
+        /// Number of vertices.
+        expected: usize,
+    },
+    /// The binding has no normals.
+    #[error("the render mesh was bound without normals; bind it by Binding::with_normals")]
+    NoNormals,
     /// A triangle refers to a vertex that does not exist.
     #[error("triangle {triangle} of the cloth mesh names vertex {index}, but it has {vertices} vertices (numbered from 0)")]
     Index {
@@ -115,29 +136,12 @@ pub enum BindError {
 #[derive(Debug, Clone)]
 pub struct Binding {
     cloth_vertices: usize,
-    /// The cloth's triangles, for its normals; empty if no vertex has a height.
+    /// The cloth's triangles, for its normals; empty if nothing needs them.
     triangles: Vec<[u32; 3]>,
-    /// One for each vertex of the render mesh.
-    feet: Vec<Foot>,
-    heights: Vec<Height>,
+    /// The vertices of the render mesh.
+    vertices: Vec<BoundVertex>,
+    has_normals: bool,
     farthest: f32,
-}
-
-/// An affine combination of three of the cloth's vertices.
-#[derive(Debug, Clone, Copy)]
-struct Foot {
-    corners: [u32; 3],
-    weights: [f32; 3],
-}
-
-/// The height of a vertex above its foot.
-#[derive(Debug, Clone, Copy)]
-struct Height {
-    vertex: u32,
-    /// Along the normal (m).
-    along: f32,
-    /// Weights of the corners' normals; all 0 means the triangle's own normal.
-    weights: [f32; 3],
 }
 
 impl Binding {
@@ -148,49 +152,60 @@ impl Binding {
     /// If a position is not finite or beyond 1e15 m, a vertex is too far from the cloth, a triangle refers to a vertex
     /// that does not exist, or the cloth has no triangle with an area.
     pub fn new(render: &Mesh, cloth: &Mesh) -> Result<Binding, BindError> {
+        Binding::bind(render, None, cloth)
+    }
+
+    /// The same with the normals of the render mesh at rest, one for each vertex, of any length: those that it was loaded with,
+    /// so that seams stay smooth and hard edges hard. [`Binding::apply_normals`] and
+    #[cfg_attr(feature = "gpu", doc = " [`BoundMesh::normals`](crate::BoundMesh::normals) then turn them with the cloth.")]
+    #[cfg_attr(not(feature = "gpu"), doc = " `BoundMesh::normals` then turn them with the cloth.")]
+    ///
+    /// # Errors
+    /// As [`Binding::new`], and if there are not as many normals as vertices, or one is not finite.
+    pub fn with_normals(render: &Mesh, normals: &[Vec3], cloth: &Mesh) -> Result<Binding, BindError> {
+        let (given, expected) = (normals.len(), render.positions.len());
+        if given != expected {
+            return Err(BindError::NormalCount { given, expected });
+        }
+        if let Some(vertex) = normals.iter().position(|normal| !normal.is_finite()) {
+            return Err(BindError::Normal { vertex, normal: normals[vertex] });
+        }
+        Binding::bind(render, Some(normals), cloth)
+    }
+
+    fn bind(render: &Mesh, render_normals: Option<&[Vec3]>, cloth: &Mesh) -> Result<Binding, BindError> {
         for (mesh, positions) in [("render", &render.positions), ("cloth", &cloth.positions)] {
             if let Some(vertex) = positions.iter().position(|x| !is_bounded(*x)) {
                 return Err(BindError::Position { mesh, vertex, position: positions[vertex] });
             }
         }
-        let vertices = cloth.positions.len();
+        let cloth_vertices = cloth.positions.len();
         for (triangle, corners) in cloth.triangles.iter().enumerate() {
-            if let Some(&index) = corners.iter().find(|&&index| index as usize >= vertices) {
-                return Err(BindError::Index { triangle, index, vertices });
+            if let Some(&index) = corners.iter().find(|&&index| index as usize >= cloth_vertices) {
+                return Err(BindError::Index { triangle, index, vertices: cloth_vertices });
             }
         }
         let tree = TriangleTree::new(cloth).ok_or(BindError::NoSurface)?;
         let mut triangles = cloth.triangles.clone();
         triangles.retain(is_proper);
         let edges = edges(&triangles);
-        wind_alike(&mut triangles, &edges, vertices);
+        wind_alike(&mut triangles, &edges, cloth_vertices);
         let normals = normals(&triangles, &cloth.positions);
-        let extent = tree.nodes.first().map_or(0.0, |root| (root.high - root.low).max_element());
-        let (mut feet, mut heights, mut farthest) = (Vec::new(), Vec::new(), 0.0_f32);
+        let flat = FLAT * f64::from(tree.extent());
+        let (mut vertices, mut farthest) = (Vec::with_capacity(render.positions.len()), 0.0_f32);
         for (vertex, &x) in render.positions.iter().enumerate() {
-            let Near { corners, weights, distance } = tree.nearest(x);
-            farthest = farthest.max(distance);
-            let [a, b, c] = corners.map(|corner| cloth.positions[corner as usize].as_dvec3());
-            let own = (b - a).cross(c - a).normalize_or_zero();
-            let smooth: DVec3 = (0..3).map(|k| normals[corners[k] as usize].as_dvec3() * f64::from(weights[k])).sum();
-            let smooth = smooth.normalize_or_zero();
-            let (normal, weights) = if smooth.dot(own).abs() > STEEP { (smooth, weights) } else { (own, [0.0; 3]) };
-            let [along, across, height] = (DMat3::from_cols(b - a, c - a, normal).inverse() * (x.as_dvec3() - a)).to_array();
-            let place = [1.0 - along - across, along, across];
-            // Weights multiply positions of up to 1e15 m.
-            if ![place[0], along, across, height, f64::from(distance)]
-                .iter()
-                .all(|number| number.abs() <= f64::from(MAX_POSITION))
-            {
-                return Err(BindError::Far { vertex, position: x });
-            }
-            feet.push(Foot { corners, weights: place.map(|weight| weight as f32) });
-            if height.abs() > FLAT * f64::from(extent) {
-                heights.push(Height { vertex: vertex as u32, along: height as f32, weights });
-            }
+            let near = tree.nearest(x);
+            farthest = farthest.max(near.distance);
+            let normal = render_normals.map_or(DVec3::ZERO, |normals| normals[vertex].as_dvec3().normalize_or_zero());
+            let corners = near.corners.map(|corner| cloth.positions[corner as usize]);
+            let bound = bound_vertex(x, normal, near, corners, near.corners.map(|corner| normals[corner as usize]), flat);
+            vertices.push(bound.ok_or(BindError::Far { vertex, position: x })?);
         }
-        let triangles = if heights.is_empty() { Vec::new() } else { triangles };
-        Ok(Binding { cloth_vertices: vertices, triangles, feet, heights, farthest })
+        let has_normals = render_normals.is_some();
+        if !has_normals && vertices.iter().all(|vertex| vertex.height == 0.0) {
+            triangles = Vec::new();
+        }
+        Ok(Binding { cloth_vertices, triangles, vertices, has_normals, farthest })
     }
 
     /// The render mesh's vertices for the GPU. `order` has the mesh's index of each vertex of the cloth.
@@ -200,17 +215,15 @@ impl Binding {
             return Err(BindError::OtherCloth { bound: self.cloth_vertices, vertices: order.len() });
         }
         let place = vertex_order::inverse(order);
-        let bound = |foot: &Foot| BoundVertex {
-            corners: foot.corners.map(|corner| place[corner as usize]),
-            weights: foot.weights,
-            ..BoundVertex::default()
-        };
-        let mut vertices: Vec<BoundVertex> = self.feet.iter().map(bound).collect();
-        for &Height { vertex, along, weights } in &self.heights {
-            let vertex = &mut vertices[vertex as usize];
-            (vertex.along, vertex.normal_weights) = (along, weights);
-        }
-        Ok(vertices)
+        let on_gpu =
+            |vertex: &BoundVertex| BoundVertex { corners: vertex.corners.map(|corner| place[corner as usize]), ..*vertex };
+        Ok(self.vertices.iter().map(on_gpu).collect())
+    }
+
+    /// Whether the render mesh was bound with normals.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn has_normals(&self) -> bool {
+        self.has_normals
     }
 
     /// The largest distance (m) of a render vertex from the cloth at rest. A large value means that one of the meshes
@@ -226,31 +239,78 @@ impl Binding {
     /// # Errors
     /// If either length is not that mesh's number of vertices; `render` is then unchanged.
     pub fn apply(&self, cloth: &[Vec3], render: &mut [Vec3]) -> Result<(), BindError> {
-        for (mesh, given, expected) in [("cloth", cloth.len(), self.cloth_vertices), ("render", render.len(), self.feet.len())] {
+        self.check_lengths(cloth, render)?;
+        let normals = normals(&self.triangles, cloth);
+        for (x, vertex) in render.iter_mut().zip(&self.vertices) {
+            let corners = vertex.corners.map(|corner| cloth[corner as usize]);
+            *x = foot(vertex, corners);
+            if vertex.height != 0.0 {
+                *x += cloth_normal(vertex, corners, vertex.corners.map(|corner| normals[corner as usize])) * vertex.height;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets `render` to the unit normals of the render mesh's vertices for the cloth's positions `cloth` (m), both in their mesh's
+    /// order. Normals that were 0 at rest stay 0.
+    ///
+    /// # Errors
+    /// If the mesh was bound without normals, or either length is not that mesh's number of vertices; `render` is then unchanged.
+    pub fn apply_normals(&self, cloth: &[Vec3], render: &mut [Vec3]) -> Result<(), BindError> {
+        if !self.has_normals {
+            return Err(BindError::NoNormals);
+        }
+        self.check_lengths(cloth, render)?;
+        let normals = normals(&self.triangles, cloth);
+        for (normal, vertex) in render.iter_mut().zip(&self.vertices) {
+            let corners = vertex.corners.map(|corner| cloth[corner as usize]);
+            let cloth_normal = cloth_normal(vertex, corners, vertex.corners.map(|corner| normals[corner as usize]));
+            *normal = render_normal(vertex, corners, cloth_normal);
+        }
+        Ok(())
+    }
+
+    fn check_lengths(&self, cloth: &[Vec3], render: &[Vec3]) -> Result<(), BindError> {
+        for (mesh, given, expected) in
+            [("cloth", cloth.len(), self.cloth_vertices), ("render", render.len(), self.vertices.len())]
+        {
             if given != expected {
                 return Err(BindError::Length { mesh, given, expected });
             }
         }
-        for (x, &Foot { corners, weights }) in render.iter_mut().zip(&self.feet) {
-            let [a, b, c] = corners.map(|corner| cloth[corner as usize]);
-            *x = a * weights[0] + b * weights[1] + c * weights[2];
-        }
-        if self.heights.is_empty() {
-            return Ok(());
-        }
-        let normals = normals(&self.triangles, cloth);
-        for &Height { vertex, along, weights } in &self.heights {
-            let corners = self.feet[vertex as usize].corners;
-            let [a, b, c] = corners.map(|corner| normals[corner as usize]);
-            let smooth = a * weights[0] + b * weights[1] + c * weights[2];
-            let normal = smooth.try_normalize().unwrap_or_else(|| {
-                let [a, b, c] = corners.map(|corner| cloth[corner as usize]);
-                (b - a).cross(c - a).normalize_or_zero()
-            });
-            render[vertex as usize] += normal * along;
-        }
         Ok(())
     }
+}
+
+/// The vertex at `x` (m) with a unit normal or 0, bound to the triangle with these corners (m) and normals. A height of at most `flat` (m)
+/// counts as zero. Returns `None` if numbers overflow.
+fn bound_vertex(
+    x: Vec3,
+    normal: DVec3,
+    Near { corners, weights, distance }: Near,
+    at: [Vec3; 3],
+    normals: [Vec3; 3],
+    flat: f64,
+) -> Option<BoundVertex> {
+    let [a, b, c] = at.map(Vec3::as_dvec3);
+    let own = (b - a).cross(c - a).normalize_or_zero();
+    let smooth: DVec3 = (0..3).map(|k| normals[k].as_dvec3() * f64::from(weights[k])).sum();
+    let smooth = smooth.normalize_or_zero();
+    let (up, normal_weights) = if smooth.dot(own).abs() > STEEP { (smooth, weights) } else { (own, [0.0; 3]) };
+    let parts = DMat3::from_cols(b - a, c - a, up).inverse();
+    let [along, across, height] = (parts * (x.as_dvec3() - a)).to_array();
+    let (place, normal) = ([1.0 - along - across, along, across], parts * normal);
+    // Weights multiply positions of up to 1e15 m.
+    let numbers = [place, [height, f64::from(distance), 0.0], normal.to_array()];
+    let are_bounded = numbers.as_flattened().iter().all(|number| number.abs() <= f64::from(MAX_POSITION));
+    are_bounded.then_some(BoundVertex {
+        corners,
+        height: if height.abs() > flat { height as f32 } else { 0.0 },
+        weights: place.map(|weight| weight as f32),
+        normal_weights,
+        normal: normal.as_vec3().to_array(),
+        ..BoundVertex::default()
+    })
 }
 
 /// Unit normals of the vertices: the area-weighted mean over their triangles, or 0 where there is no area.
@@ -263,110 +323,4 @@ fn normals(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<Vec3> {
     }
     normals.iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
     normals
-}
-
-/// The nearest point of the cloth.
-#[derive(Debug, Clone, Copy)]
-struct Near {
-    corners: [u32; 3],
-    /// Barycentric weights of the corners, never negative.
-    weights: [f32; 3],
-    distance: f32,
-}
-
-/// A tree of bounding boxes over the triangles that have an area.
-struct TriangleTree<'a> {
-    positions: &'a [Vec3],
-    triangles: Vec<[u32; 3]>,
-    /// The root first; children come after their parents.
-    nodes: Vec<Node>,
-}
-
-struct Node {
-    low: Vec3,
-    high: Vec3,
-    /// A leaf's range of triangles, or the range of the two children in `nodes`.
-    range: std::ops::Range<usize>,
-    is_leaf: bool,
-}
-
-impl<'a> TriangleTree<'a> {
-    /// `None` if no triangle has an area.
-    fn new(cloth: &'a Mesh) -> Option<TriangleTree<'a>> {
-        let positions = &cloth.positions;
-        let has_area = |corners: &&[u32; 3]| {
-            let [a, b, c] = corners.map(|corner| positions[corner as usize].as_dvec3());
-            let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-            (b - a).cross(c - a).length() > 1e-6 * longest
-        };
-        let triangles: Vec<[u32; 3]> = cloth.triangles.iter().filter(has_area).copied().collect();
-        let mut tree = TriangleTree { positions, triangles, nodes: Vec::new() };
-        let all = 0..tree.triangles.len();
-        tree.nodes.push(tree.node(all.clone()));
-        tree.split(0, all.clone());
-        (!all.is_empty()).then_some(tree)
-    }
-
-    fn node(&self, range: std::ops::Range<usize>) -> Node {
-        let [low, high] = bounds(self.triangles[range.clone()].iter().flatten().map(|&corner| self.positions[corner as usize]));
-        Node { low, high, range, is_leaf: true }
-    }
-
-    /// Splits a node of more than [`LEAF`] triangles at the median along its longest side, recursively.
-    fn split(&mut self, node: usize, range: std::ops::Range<usize>) {
-        if range.len() <= LEAF {
-            return;
-        }
-        let extent = self.nodes[node].high - self.nodes[node].low;
-        let axis = extent.max_position();
-        let positions = self.positions;
-        let center = |corners: &[u32; 3]| corners.iter().map(|&corner| positions[corner as usize][axis]).sum::<f32>();
-        let middle = range.len() / 2;
-        self.triangles[range.clone()].select_nth_unstable_by(middle, |a, b| center(a).total_cmp(&center(b)));
-        let halves = [range.start..range.start + middle, range.start + middle..range.end];
-        let first = self.nodes.len();
-        let made = halves.clone().map(|half| self.node(half));
-        self.nodes.extend(made);
-        (self.nodes[node].range, self.nodes[node].is_leaf) = (first..first + 2, false);
-        let [left, right] = halves;
-        self.split(first, left);
-        self.split(first + 1, right);
-    }
-
-    /// The nearest point to `x`.
-    fn nearest(&self, x: Vec3) -> Near {
-        let mut near = Near { corners: [0; 3], weights: [1.0, 0.0, 0.0], distance: f32::INFINITY };
-        self.search(0, x, &mut near);
-        near
-    }
-
-    fn search(&self, node: usize, x: Vec3, near: &mut Near) {
-        let Node { range, is_leaf, .. } = &self.nodes[node];
-        if !is_leaf {
-            let mut children = [range.start, range.start + 1].map(|child| (self.away(child, x), child));
-            children.sort_by(|a, b| a.0.total_cmp(&b.0));
-            children.into_iter().for_each(|(away, child)| {
-                if away < near.distance {
-                    self.search(child, x, near);
-                }
-            });
-            return;
-        }
-        for &corners in &self.triangles[range.clone()] {
-            let [a, b, c] = corners.map(|corner| self.positions[corner as usize]);
-            // Coordinates relative to a corner, for precision. `vertex_triangle` returns the corners' weights negated.
-            let at = |v: Vec3| Vector::<f32>::splat((v - a).to_array());
-            let [_, u, v, w] = vertex_triangle([at(x), at(a), at(b), at(c)]).map(|weight| -weight);
-            let distance = x.distance(a * u + b * v + c * w);
-            if distance < near.distance || near.distance.is_infinite() {
-                *near = Near { corners, weights: [u, v, w], distance };
-            }
-        }
-    }
-
-    /// A lower bound of the distance (m) of `x` from a node's triangles.
-    fn away(&self, node: usize, x: Vec3) -> f32 {
-        let Node { low, high, .. } = &self.nodes[node];
-        (*low - x).max(x - *high).max(Vec3::ZERO).length()
-    }
 }

@@ -91,6 +91,55 @@ fn a_bent_sheet_is_within_a_millimeter() {
     assert!(far > 3e-3, "{far}");
 }
 
+/// Normals of the render mesh, which need not be those of its triangles, move with the cloth: exactly if it is turned, and within what
+/// the cloth's edges cut off an arc if it is rolled up.
+#[test]
+fn normals_turn_with_the_cloth() {
+    let (cloth, drawn) = meshes_of_a_sheet();
+    let any = |index: usize| Vec3::new((index as f32).sin(), (1.7 * index as f32).cos(), (2.3 * index as f32).sin());
+    let at_rest: Vec<Vec3> = (0..drawn.positions.len()).map(any).collect();
+    let binding = Binding::with_normals(&drawn, &at_rest, &cloth).unwrap();
+    let mut normals = vec![Vec3::NAN; at_rest.len()];
+    let turn = Quat::from_axis_angle(Vec3::new(1.0, -2.0, 0.5).normalize(), 2.0);
+    let turned: Vec<Vec3> = cloth.positions.iter().map(|x| turn * *x + Vec3::ONE).collect();
+    binding.apply_normals(&turned, &mut normals).unwrap();
+    let unit: Vec<Vec3> = at_rest.iter().map(|normal| normal.normalize()).collect();
+    let apart = worst(&normals, &unit.iter().map(|normal| turn * *normal).collect::<Vec<_>>());
+    // Positions of up to 2.5 m are rounded by 1.2e-7 m, over edges of 36 mm.
+    assert!(apart < 2e-5, "{apart}");
+    // Positions are those of a binding without normals.
+    let [with, without] = [&binding, &Binding::new(&drawn, &cloth).unwrap()].map(|binding| applied(binding, &turned, &drawn));
+    assert_eq!(with, without);
+
+    let radius = 0.2;
+    let rolled: Vec<Vec3> =
+        cloth.positions.iter().map(|x| Vec3::new(radius * (x.x / radius).sin(), radius * (x.x / radius).cos(), x.z)).collect();
+    binding.apply_normals(&rolled, &mut normals).unwrap();
+    let inner = |x: &Vec3| x.x.abs() < 0.45 && x.z.abs() < 0.45;
+    let pairs = drawn.positions.iter().zip(&unit).zip(&normals).filter(|((x, _), _)| inner(x));
+    let apart = pairs.map(|((x, unit), normal)| normal.distance(Quat::from_rotation_z(-x.x / radius) * *unit));
+    let farthest = apart.fold(0.0, f32::max);
+    // An edge of 37 mm turns by .185 rad, so its middle is apart by half of that at most.
+    assert!(farthest < 0.1, "{farthest}");
+
+    let mut few = [Vec3::ONE; 3];
+    assert_eq!(Binding::new(&drawn, &cloth).unwrap().apply_normals(&turned, &mut few), Err(BindError::NoNormals));
+    let refusal = binding.apply_normals(&turned, &mut few).unwrap_err();
+    assert_eq!(refusal, BindError::Length { mesh: "render", given: 3, expected: 5041 });
+    assert_eq!(few, [Vec3::ONE; 3]);
+    let refused = |normals: &[Vec3]| Binding::with_normals(&drawn, normals, &cloth).unwrap_err();
+    assert_eq!(refused(&few), BindError::NormalCount { given: 3, expected: 5041 });
+    let mut broken = at_rest.clone();
+    broken[7].z = f32::NAN;
+    assert!(refused(&broken).to_string().contains("normal of vertex 7"));
+    // Normals without a direction, and a cloth without an area, give none.
+    let none = Binding::with_normals(&drawn, &vec![Vec3::ZERO; 5041], &cloth).unwrap();
+    none.apply_normals(&turned, &mut normals).unwrap();
+    assert!(normals.iter().all(|normal| *normal == Vec3::ZERO));
+    binding.apply_normals(&vec![Vec3::ONE; 812], &mut normals).unwrap();
+    assert!(normals.iter().all(|normal| *normal == Vec3::ZERO));
+}
+
 /// Over a ball, the drawn mesh keeps its distance outside as the cloth does.
 #[test]
 fn a_draped_cloth_is_drawn_where_it_is() {

@@ -118,13 +118,14 @@ fn a_bound_mesh_is_where_the_cpu_puts_it() {
         mesh.positions.iter_mut().enumerate().for_each(|(k, x)| *x += offset + 0.01 * Vec3::Y * wave(k, 0.7));
         let mut drawn = Mesh::grid(40, 37, 1.02, 0.91);
         drawn.positions.iter_mut().enumerate().for_each(|(k, x)| *x += offset + 0.02 * Vec3::Y * wave(k, 0.37).max(0.0));
-        let binding = Binding::new(&drawn, &mesh).unwrap();
+        let at_rest: Vec<Vec3> = (0..drawn.positions.len()).map(|k| Vec3::new(wave(k, 0.5), 1.0, wave(k, 0.9))).collect();
+        let binding = Binding::with_normals(&drawn, &at_rest, &mesh).unwrap();
         let quality = Quality::Substeps(20);
         let options =
             Options { backend: Backend::Gpu, gpu: Some(gpu.clone()), quality, pinned: vec![0, 12], ..Options::default() };
         let mut cloth = Deformer::new(&mesh, options).unwrap();
         let bound = cloth.bind(&binding).unwrap().unwrap();
-        let mut expected = drawn.positions.clone();
+        let (mut expected, mut expected_normals) = (drawn.positions.clone(), at_rest.clone());
         for frame in 0..3 {
             bound.apply();
             let found: Vec<Vec4> = read(&gpu, bound.positions());
@@ -134,9 +135,23 @@ fn a_bound_mesh_is_where_the_cpu_puts_it() {
             let apart = |(found, expected): (&Vec4, &Vec3)| (found.truncate() + origin).distance(*expected);
             let apart = found.iter().zip(&expected).map(apart).fold(0.0, f32::max);
             assert!(apart <= 4e-6, "frame {frame}: {apart} m apart");
+            let found: Vec<Vec4> = read(&gpu, bound.normals().unwrap());
+            binding.apply_normals(cloth.positions().unwrap(), &mut expected_normals).unwrap();
+            assert_eq!(found.len(), expected_normals.len());
+            let apart = |(found, expected): (&Vec4, &Vec3)| found.distance(expected.extend(0.0));
+            let apart = found.iter().zip(&expected_normals).map(apart).fold(0.0, f32::max);
+            assert!(apart <= 2e-5, "frame {frame}: normals {apart} apart");
             play(&mut cloth, 6, &Attributes { wind: Vec3::new(1.0, 0.5, 2.0), air_density: 1.2, ..Attributes::default() });
         }
         assert!(rms(&expected, &drawn.positions) > 0.02, "the cloth moved");
+        let turned = rms(&expected_normals, &at_rest.iter().map(|normal| normal.normalize()).collect::<Vec<_>>());
+        assert!(turned > 0.1, "the cloth turned: {turned}");
+        // Without normals, the positions are the same.
+        let bare = cloth.bind(&Binding::new(&drawn, &mesh).unwrap()).unwrap().unwrap();
+        assert!(bare.normals().is_none());
+        bare.apply();
+        bound.apply();
+        assert_eq!(read::<Vec4>(&gpu, bare.positions()), read::<Vec4>(&gpu, bound.positions()));
         // A cloth of another mesh is refused, and one that is not on a GPU has nothing to bind to.
         let other = Deformer::new(&Mesh::grid(3, 3, 1.0, 1.0), Options { backend: Backend::Cpu, ..Options::default() }).unwrap();
         let refused = other.bind(&binding).unwrap_err().to_string();

@@ -235,7 +235,8 @@ impl Deformer {
         let vertices = binding.vertices_on_gpu(&self.cloth.order)?;
         match &self.engine {
             Engine::Gpu(gpu) => {
-                gpu.bind(&self.cloth, &vertices).map(Some).map_err(|fault| BindError::Gpu { reason: fault.reason() })
+                let bound = gpu.bind(&self.cloth, &vertices, binding.has_normals());
+                bound.map(Some).map_err(|fault| BindError::Gpu { reason: fault.reason() })
             }
             _ => Ok(None),
         }

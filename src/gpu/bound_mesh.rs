@@ -1,25 +1,12 @@
 //! A render mesh that follows a cloth on its GPU.
 
-use bytemuck::{Pod, Zeroable};
-
 use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, BindGroup, Stage};
 use crate::gpu::surface::Normals;
+use crate::kernels::follow::BoundVertex;
 use crate::model::cloth::Cloth;
-
-/// A vertex of the render mesh as `stages/follow.wgsl` reads it. Corners are in the cloth's own vertex order.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
-pub(crate) struct BoundVertex {
-    pub corners: [u32; 3],
-    pub along: f32,
-    pub weights: [f32; 3],
-    pub padding_1: u32,
-    pub normal_weights: [f32; 3],
-    pub padding_2: u32,
-}
 
 /// A render mesh bound to a cloth on its GPU, made by [`Deformer::bind`](crate::Deformer::bind). It follows the cloth
 /// without a copy through the CPU.
@@ -29,6 +16,9 @@ pub(crate) struct BoundVertex {
 #[derive(Debug)]
 pub struct BoundMesh {
     positions: wgpu::Buffer,
+    /// Of a single vertex, which is not written, if the mesh was bound without.
+    render_normals: wgpu::Buffer,
+    has_normals: bool,
     gpu: Gpu,
     normals: Normals,
     /// Empty, because the kernel takes all numbers from its buffers.
@@ -38,18 +28,35 @@ pub struct BoundMesh {
 }
 
 impl BoundMesh {
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, x: &wgpu::Buffer, vertices: &[BoundVertex]) -> Result<BoundMesh, GpuFault> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        cloth: &Cloth,
+        x: &wgpu::Buffer,
+        vertices: &[BoundVertex],
+        has_normals: bool,
+    ) -> Result<BoundMesh, GpuFault> {
         gpu.meets("the render mesh's vertices", size_of_val(vertices) as u64)?;
         gpu.checked(|| {
             let normals = Normals::new(gpu, cloth, x);
             let bound = gpu.filled("bound vertices", vertices);
-            let size = (16 * vertices.len().max(1)) as u64;
-            let positions = gpu.buffer_for("render mesh", size, wgpu::BufferUsages::VERTEX);
+            let buffer = |label, vertices: usize| gpu.buffer_for(label, 16 * vertices.max(1) as u64, wgpu::BufferUsages::VERTEX);
+            let positions = buffer("render mesh", vertices.len());
+            let render_normals = buffer("normals of the render mesh", if has_normals { vertices.len() } else { 0 });
             let uniforms = BindGroup::new(gpu, &[]);
-            let entry = Entry { shader: shaders::FOLLOW, name: "follow", constants: &[] };
-            let binds = vec![Bind::Read(&bound), Bind::Read(x), Bind::Read(&normals.surface.normals), Bind::Write(&positions)];
+            let entry = Entry { shader: shaders::FOLLOW, name: "follow", constants: &[("HAS_NORMALS", f64::from(has_normals))] };
+            let read = [&bound, x, &normals.surface.normals].map(Bind::Read);
+            let binds = read.into_iter().chain([&positions, &render_normals].map(Bind::Write)).collect();
             let stage = Stage::new(gpu, &uniforms, entry, &[binds]);
-            Ok(BoundMesh { positions, gpu: gpu.clone(), normals, uniforms, stage, vertices: vertices.len() })
+            Ok(BoundMesh {
+                positions,
+                render_normals,
+                has_normals,
+                gpu: gpu.clone(),
+                normals,
+                uniforms,
+                stage,
+                vertices: vertices.len(),
+            })
         })
     }
 
@@ -61,7 +68,14 @@ impl BoundMesh {
         &self.positions
     }
 
-    /// Submits the computation of the positions after all steps submitted so far. Call it in each frame, and submit the
+    /// Unit normals of the render mesh's vertices, if it was bound [with normals](crate::Binding::with_normals): as the positions,
+    /// with w = 0.
+    #[must_use]
+    pub fn normals(&self) -> Option<&wgpu::Buffer> {
+        self.has_normals.then_some(&self.render_normals)
+    }
+
+    /// Submits the computation of positions and normals after all steps submitted so far. Call it in each frame, and submit the
     /// commands that draw them to the same queue, after this call and before the next one that changes the cloth: a step,
     /// `reset`, `restore`, `warp` and so on.
     pub fn apply(&self) {

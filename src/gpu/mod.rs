@@ -49,7 +49,6 @@ mod tiles;
 mod watch;
 
 pub use bound_mesh::BoundMesh;
-pub(crate) use bound_mesh::BoundVertex;
 pub(crate) use engine::GpuEngine;
 pub(crate) use forces::Forces;
 pub(crate) use stage::{Bind, ComputePass, Stage};

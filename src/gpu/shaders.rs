@@ -91,7 +91,7 @@ shaders! {
         LEVELS_PER_COLOR: "average" "distance" "stages/levels_per_color";
         STATISTICS: "limits" "statistics" "stages/statistics";
         NORMALS: "normal" "stages/normals";
-        FOLLOW: "normal" "stages/follow";
+        FOLLOW: "normal" "follow" "stages/follow";
         EXCHANGE: "stages/exchange";
     }
     "" after ("integrate" "distance" "tether" "contact" "limits" "watch" "stages/watch" "stages/sweep" "stages/tiles"

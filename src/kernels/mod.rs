@@ -10,6 +10,7 @@
 pub(crate) mod bending;
 pub(crate) mod contact;
 pub(crate) mod distance;
+pub(crate) mod follow;
 pub(crate) mod integrate;
 pub(crate) mod limits;
 pub(crate) mod pair;

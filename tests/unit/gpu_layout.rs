@@ -8,7 +8,7 @@ use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::contact::device::table::ContactParams;
-use crate::gpu::BoundVertex;
+
 use crate::gpu::contact::encode;
 use crate::gpu::contact::status::{self as contact, Listed, Status, Track};
 use crate::gpu::multigrid::{Average, Member};
@@ -19,6 +19,7 @@ use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES, NONE};
 use crate::kernels::bending::{BendEntry, BendPass, BendRow};
 use crate::kernels::contact::Body;
 use crate::kernels::distance::Edge;
+use crate::kernels::follow::BoundVertex;
 use crate::kernels::integrate::Pin;
 use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::{Params, Substep};
@@ -61,7 +62,7 @@ fn structs() -> Vec<Layout> {
         layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
         layout!(Member { item, share }),
         layout!(Average { x, u }),
-        layout!(BoundVertex { corners, along, weights, padding_1, normal_weights, padding_2 }),
+        layout!(BoundVertex { corners, height, weights, padding_1, normal_weights, padding_2, normal, padding_3 }),
         layout!(ContactParams { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, around, beside, of_vertices, room, bodies, has_kinematic, meshes_rest, has_self_contact, ignored, ignored_edges, groups, mesh_groups, per_mass, box_edges, features, spacing, max_carry, entangled, triangles_at, turn_x, turn_y, turn_z, center, travel }),
         layout!(Listed { corners, lambda, other, thickness, row, next }),
         layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before, leaf_pairs, candidates, edge_candidates, space_needed, acted, passed, pinched, again, needed_carry, squeezed, jumped, shortens, cuts_more }),

@@ -6,10 +6,11 @@ use super::{EdgeSweep, GpuEngine};
 use crate::device::IN_BROWSER;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
-use crate::gpu::bound_mesh::{BoundMesh, BoundVertex};
+use crate::gpu::bound_mesh::BoundMesh;
 use crate::gpu::statistics::Counter;
 use crate::gpu::surface::{Normals, Surface};
 use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES};
+use crate::kernels::follow::BoundVertex;
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::options::Contact;
@@ -163,7 +164,7 @@ impl GpuEngine {
     }
 
     /// A render mesh that follows the cloth, its vertices given.
-    pub(crate) fn bind(&self, cloth: &Cloth, vertices: &[BoundVertex]) -> Result<BoundMesh, GpuFault> {
-        BoundMesh::new(&self.gpu, cloth, &self.forces.states[0].x, vertices)
+    pub(crate) fn bind(&self, cloth: &Cloth, vertices: &[BoundVertex], has_normals: bool) -> Result<BoundMesh, GpuFault> {
+        BoundMesh::new(&self.gpu, cloth, &self.forces.states[0].x, vertices, has_normals)
     }
 }

@@ -1,0 +1,37 @@
+// A vertex of a render mesh that follows the triangle of the cloth to which it is bound.
+
+struct BoundVertex {
+    corners: vec3u,
+    // The height (m) along the cloth's normal.
+    height: f32,
+    // Of the positions of the corners; their sum is 1.
+    weights: vec3f,
+    padding_1: u32,
+    // Of the normals of the corners; all 0 for the triangle's own normal.
+    normal_weights: vec3f,
+    padding_2: u32,
+    // The render mesh's normal: its parts along the sides from the first corner to the others (1/m), and along the cloth's normal.
+    normal: vec3f,
+    padding_3: u32,
+}
+
+// The position (m) of a vertex without its height, from those of the corners.
+fn foot(vertex: BoundVertex, a: vec3f, b: vec3f, c: vec3f) -> vec3f {
+    return a * vertex.weights.x + b * vertex.weights.y + c * vertex.weights.z;
+}
+
+// The cloth's unit normal at a vertex, from positions (m) and normals of the corners; 0 where there is no area.
+fn cloth_normal(vertex: BoundVertex, a: vec3f, b: vec3f, c: vec3f, normals: array<vec3f, 3>) -> vec3f {
+    let weights = vertex.normal_weights;
+    let smoothed = unit(normals[0] * weights.x + normals[1] * weights.y + normals[2] * weights.z);
+    if any(smoothed != vec3f()) {
+        return smoothed;
+    }
+    return unit(cross(b - a, c - a));
+}
+
+// The render mesh's unit normal at a vertex, from the positions (m) of the corners and the cloth's normal there; 0 where it has no
+// direction.
+fn render_normal(vertex: BoundVertex, a: vec3f, b: vec3f, c: vec3f, cloth_normal: vec3f) -> vec3f {
+    return unit((b - a) * vertex.normal.x + (c - a) * vertex.normal.y + cloth_normal * vertex.normal.z);
+}

@@ -1,0 +1,42 @@
+//! A vertex of a render mesh that follows the triangle of the cloth to which it is bound.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// A vertex of the render mesh, as `stages/follow.wgsl` reads it, too.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+pub(crate) struct BoundVertex {
+    pub corners: [u32; 3],
+    /// The height (m) along the cloth's normal.
+    pub height: f32,
+    /// Of the positions of the corners; their sum is 1.
+    pub weights: [f32; 3],
+    pub padding_1: u32,
+    /// Of the normals of the corners; all 0 for the triangle's own normal.
+    pub normal_weights: [f32; 3],
+    pub padding_2: u32,
+    /// The render mesh's normal: its parts along the sides from the first corner to the others (1/m), and along the cloth's normal.
+    pub normal: [f32; 3],
+    pub padding_3: u32,
+}
+
+/// The position (m) of a vertex without its height, from those of the corners.
+pub(crate) fn foot(vertex: &BoundVertex, [a, b, c]: [Vec3; 3]) -> Vec3 {
+    let [of_a, of_b, of_c] = vertex.weights;
+    a * of_a + b * of_b + c * of_c
+}
+
+/// The cloth's unit normal at a vertex, from positions (m) and normals of the corners; 0 where there is no area.
+pub(crate) fn cloth_normal(vertex: &BoundVertex, [a, b, c]: [Vec3; 3], normals: [Vec3; 3]) -> Vec3 {
+    let [of_a, of_b, of_c] = vertex.normal_weights;
+    let smooth = normals[0] * of_a + normals[1] * of_b + normals[2] * of_c;
+    smooth.try_normalize().unwrap_or_else(|| (b - a).cross(c - a).normalize_or_zero())
+}
+
+/// The render mesh's unit normal at a vertex, from the positions (m) of the corners and the cloth's normal there; 0 where it has no
+/// direction.
+pub(crate) fn render_normal(vertex: &BoundVertex, [a, b, c]: [Vec3; 3], cloth_normal: Vec3) -> Vec3 {
+    let [along_b, along_c, up] = vertex.normal;
+    ((b - a) * along_b + (c - a) * along_c + cloth_normal * up).normalize_or_zero()
+}
