@@ -20,6 +20,8 @@ const BOX: u32 = 2u;
 const DEPENETRATION: f32 = 1.0;
 const SWEPT: f32 = 0.25;
 const SWEEP_STEPS: u32 = 24u;
+// A path touches a body at less than this share of its radius, or of half a box's thickness.
+const TOUCHING: f32 = 0.001;
 
 // The position of a vertex and its displacement in this substep.
 struct Path {
@@ -73,11 +75,12 @@ fn swept(x: vec3f, du: vec3f, a: vec3f, b: vec3f, radius_a: f32, taper: f32, tra
         let d = at - (a + (b - a) * t);
         let distance = length(d);
         let radius = radius_a + taper * t;
-        if distance < radius * 1.001 {
+        let gap = distance - radius;
+        if gap < TOUCHING * radius {
             let n = d / max(distance, 1e-20);
-            return Touch(true, n, distance - radius + dot(n, du) * (1.0 - s));
+            return Touch(true, n, gap + dot(n, du) * (1.0 - s));
         }
-        s += (distance - radius) / travel;
+        s += gap / travel;
         if s >= 1.0 {
             break;
         }
@@ -154,7 +157,7 @@ fn box_end(y: vec3f, dy: vec3f, core: vec3f, core_step: vec3f, radius: f32) -> T
 }
 
 fn swept_box(y: vec3f, dy: vec3f, core: vec3f, radius: f32, travel: f32) -> Touch {
-    let touching = 0.001 * (min(core.x, min(core.y, core.z)) + radius);
+    let touching = TOUCHING * (min(core.x, min(core.y, core.z)) + radius);
     var s = 0.0;
     for (var k = 0u; k < SWEEP_STEPS; k++) {
         let at = box_gap(y + dy * s, core, radius);

@@ -1,6 +1,6 @@
 // The range of numbers that a state may hold.
 
-// Index of the first vertex out of bounds while none was found.
+// No index: greater than all.
 const NONE: u32 = 0xffffffffu;
 
 // Farther out [m], squares soon overflow. The comparison is of bits, which order magnitudes like integers and put

@@ -41,12 +41,12 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Method, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
-use crate::step::controller::{Controller, LEAST};
+use crate::step::controller::{Controller, FEWEST_SUBSTEPS};
 use crate::step::load::{Fastest, Load};
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
-use crate::step::substep_count::{Division, FRAMES, Rates};
+use crate::step::substep_count::{Division, Rates, SIXTIETHS};
 use crate::step::watch::{Bounds, Watch};
 
 /// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
@@ -62,10 +62,13 @@ struct StepDecision {
     /// The controller as it was when it chose the substeps.
     controller: Controller,
     /// Substeps per second that the quality asks for.
-    rate: f64,
+    substep_rate: f64,
     division: Division,
     /// Number of coarse levels to ask for.
     levels: u32,
+    /// Whether triangles can touch, and whether there are more substeps instead of levels, on which the caution depends.
+    has_contact: bool,
+    trades_levels: bool,
     /// What moves fastest in the step, and the bounds that its result is checked with.
     fastest: Fastest,
     bounds: Bounds,
@@ -263,37 +266,39 @@ impl Deformer {
         let seen = self.seen.as_ref();
         let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen);
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, seen, &fastest, thickness);
-        let trades = thickness.is_none() && self.trades_levels(load.lasting_pressure);
-        let controller = self.controlled(dt, &load, self.caution(thickness.is_some(), trades), thickness.is_some());
-        let rate = self.rate(dt, &controller, thickness, &load);
+        let has_contact = thickness.is_some();
+        let trades_levels = !has_contact && self.trades_levels(load.lasting_pressure);
+        let controller = self.controlled(dt, &load, self.caution(has_contact, trades_levels), has_contact);
+        let substep_rate = self.substep_rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.pace.is_known();
-        let controller = if is_guess { controller } else { controller.after(rate) };
-        let division = self.rates.divide(&self.cloth, &self.options, dt, [rate, controller.longest()])?;
+        let controller = if is_guess { controller } else { controller.after(substep_rate) };
+        let division = self.rates.divide(&self.cloth, &self.options, dt, [substep_rate, controller.longest()])?;
         let before = self.controller.levels();
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.lasting_pressure, before);
         let controller = controller.with_levels(levels);
-        let levels = if trades { 0 } else { levels.min(self.most_levels()) };
+        let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
         let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
-        Ok(StepDecision { dt, load, controller, rate, division, levels: levels as u32, fastest, bounds })
+        Ok(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels, fastest, bounds })
     }
 
     /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.
-    fn rate(&self, dt: f32, controller: &Controller, thickness: Option<f64>, load: &Load) -> f64 {
-        let asked = self.rates.rate(&self.options, controller.count());
-        let rate = thickness.map_or(asked, |thickness| asked.max(self.resolving_contact(thickness, load.kinematic_speed)));
+    fn substep_rate(&self, dt: f32, controller: &Controller, thickness: Option<f64>, load: &Load) -> f64 {
+        let asked = self.rates.substep_rate(&self.options, controller.count());
+        let substep_rate =
+            thickness.map_or(asked, |thickness| asked.max(self.resolving_contact(thickness, load.kinematic_speed)));
         if matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps {
-            return rate;
+            return substep_rate;
         }
         // A number that was chosen here is no reason to fail, unless the step is too long for even the least.
         // It is a whole number of substeps in 1/60 s, as the report gives it.
-        rate.min(FRAMES * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / FRAMES).floor().max(LEAST))
+        substep_rate.min(SIXTIETHS * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / SIXTIETHS).floor().max(FEWEST_SUBSTEPS))
     }
 
     /// Checks a step and updates the coefficients. Returns `None` if there is nothing to do.
     fn prepare(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<StepDecision>, StepError> {
-        self.look_back()?;
+        self.check_late_failure()?;
         if dt == 0.0 {
             return self.check(attributes).map(|_| None);
         }
@@ -345,12 +350,12 @@ impl Deformer {
             self.make_flat();
             // Contact may have read the state and found that an earlier step failed.
             if self.backend() == Backend::Gpu && matches!(error, StepError::Unstable { .. }) {
-                self.start_from_there();
+                self.start_from_engine_state();
             }
             error
         })?;
         self.flat_start = None;
-        let StepDecision { dt, rate, division: Division { substeps, .. }, fastest, .. } = decision;
+        let StepDecision { dt, substep_rate, division: Division { substeps, .. }, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
@@ -364,7 +369,7 @@ impl Deformer {
         let stretch = self.evaluate(decision, attributes, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let contacts = self.engine.contact().map_or(0, |tally| tally.contacts);
-        let in_a_sixtieth = (rate / FRAMES).ceil() as u32;
+        let in_a_sixtieth = (substep_rate / SIXTIETHS).ceil() as u32;
         Ok(StepReport { substeps, in_a_sixtieth, levels, contacts, stretch, asleep: false, warnings })
     }
 

@@ -48,6 +48,6 @@ pub use model::mesh::Mesh;
 pub use options::{
     Backend, Cause, Contact, Crossing, Fabric, Levels, Method, Options, Quality, Sleep, StepReport, Stretch, Tethers, Warning,
 };
-pub use tune::{Setting, Term, Tolerance, Trial, Tuned, tune};
+pub use tune::{Setting, Term, Terms, Tolerance, Trial, Tuned, tune};
 #[cfg(feature = "gpu")]
 pub use wgpu;

@@ -36,9 +36,9 @@ fn what_is_not_finite_is_named(backend: Backend) {
         let before = deformer.positions().unwrap().to_vec();
         let thrown = common::gale(&Attributes::default());
         let (_, error) = until_it_fails(&mut deformer, 1, |_| (FRAME, thrown.clone()));
-        let StepError::Unstable { vertex, cause, frame, remedy } = &error else { panic!("{error}") };
+        let StepError::Unstable { vertex, cause, step, remedy } = &error else { panic!("{error}") };
         assert!(matches!(cause, Instability::NotFinite { vertex: v } if v == vertex && *v < 20), "{error}");
-        assert_eq!(*frame, 4, "round {round}: {error}");
+        assert_eq!(*step, 4, "round {round}: {error}");
         assert!(remedy.contains("smaller attributes") && error.to_string().contains("in step 4"), "{error}");
         assert_eq!(deformer.positions().unwrap(), before, "the last good step's");
         deformer.reset();
@@ -65,8 +65,8 @@ fn springs_that_run_away_are_named(backend: Backend) {
     }
     let (step, error) = failed.expect("it runs away");
     println!("{error}");
-    let StepError::Unstable { cause: Instability::Energy { vertex, speed }, frame, .. } = error else { panic!("{error}") };
-    assert_eq!(frame, step);
+    let StepError::Unstable { cause: Instability::Energy { vertex, speed }, step: named, .. } = error else { panic!("{error}") };
+    assert_eq!(named, step);
     assert!(vertex < 81 && vertex != 0 && vertex != 8, "a free vertex: {vertex}");
     assert_eq!(deformer.positions().unwrap(), good, "the last good step's");
     // The bound is on the RMS speed of the whole cloth, by mass; the restored state is below it.
@@ -89,8 +89,8 @@ fn a_cloth_that_is_torn_apart_is_named(backend: Backend) {
     };
     let (taken, error) = until_it_fails(&mut deformer, 3000, led);
     println!("after {taken} steps: {error}");
-    let StepError::Unstable { cause: Instability::Edge { ends, length }, frame, remedy, .. } = &error else { panic!("{error}") };
-    assert_eq!(*frame, taken + 1);
+    let StepError::Unstable { cause: Instability::Edge { ends, length }, step, remedy, .. } = &error else { panic!("{error}") };
+    assert_eq!(*step, taken + 1);
     assert!(mesh.edges().contains(&[ends[0].min(ends[1]), ends[0].max(ends[1])]), "{ends:?} is an edge");
     assert!(remedy.contains("set_state"), "{remedy}");
     let x = deformer.positions().unwrap();
@@ -114,8 +114,8 @@ fn a_gpu_that_nobody_reads_says_so_late() {
             deformer.wait().unwrap();
             deformer.step(FRAME, &Attributes::default()).err()
         });
-        let Some(StepError::Unstable { cause: Instability::NotFinite { .. }, frame, .. }) = later else { panic!("{later:?}") };
-        assert_eq!(frame, 3);
+        let Some(StepError::Unstable { cause: Instability::NotFinite { .. }, step, .. }) = later else { panic!("{later:?}") };
+        assert_eq!(step, 3);
         assert_eq!(deformer.positions().unwrap(), before, "the last good step's");
         // The cloth continues from the restored state.
         deformer.step(FRAME, &Attributes::default()).unwrap();

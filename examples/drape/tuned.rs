@@ -34,7 +34,7 @@ pub(crate) fn show(tuned: &Tuned, tolerance: Tolerance) {
     let row = |trial: &Trial| {
         let &Trial { setting, substeps, levels, error, checked, milliseconds, .. } = trial;
         let [error, checked] = [error, checked].map(|error| scale * error);
-        let air = if setting.terms[2] { "" } else { ", without air" };
+        let air = if setting.terms.air { "" } else { ", without air" };
         say(&format!("| {setting}{air} | {substeps:.0} | {levels} | {error:.2} | {checked:.2} | {milliseconds:.2} |"));
     };
     tuned.trials.iter().for_each(row);
@@ -52,7 +52,7 @@ pub(crate) fn show(tuned: &Tuned, tolerance: Tolerance) {
         "\nError {:.2} {unit} in {milliseconds:.2} ms per frame{times}:\n\n    Options {{ {setting}, ..options }}",
         scale * error
     ));
-    if !setting.terms[2] {
+    if !setting.terms.air {
         say("    Attributes { air_density: 0.0, ..attributes }");
     }
 }

@@ -1,6 +1,6 @@
 //! What a search tried, drawn: error against time per frame.
 
-use cloth_deformer::{Levels, Method, Tolerance, Trial, Tuned};
+use cloth_deformer::{Levels, Method, Terms, Tolerance, Trial, Tuned};
 
 use crate::draw::{Axis, Chart, Curve, Line, Look, Marker};
 
@@ -70,8 +70,7 @@ fn kind(trial: &Trial) -> String {
         Method::Relaxation { iterations } => format!("relaxation x {iterations}"),
         _ => "springs".to_owned(),
     };
-    let terms = ["bending", "damping", "air"].into_iter().zip(trial.setting.terms).filter(|(_, there)| !there);
-    let terms: Vec<&str> = terms.map(|(name, _)| name).collect();
+    let terms: Vec<&str> = trial.setting.terms.left_out().collect();
     if terms.is_empty() { method } else { format!("{method} without {}", terms.join(" and ")) }
 }
 
@@ -83,7 +82,7 @@ fn look(trial: &Trial) -> Look {
         Method::SmallSteps => Marker::Circle,
         _ => Marker::Triangle,
     };
-    let line = if trial.setting.terms == [true; 3] { Line::Solid } else { Line::Dashed };
+    let line = if trial.setting.terms == Terms::ALL { Line::Solid } else { Line::Dashed };
     Look { marker, line }
 }
 

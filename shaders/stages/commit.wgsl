@@ -20,7 +20,7 @@ fn check(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) grou
     if i < params.vertices {
         check_vertex(i, x_made[i].xyz, p_made[i].xyz, x_made[i].w);
     }
-    let each = max((params.edges + TURNS - 1u) / TURNS, LEAST);
+    let each = max((params.edges + TURNS - 1u) / TURNS, FEWEST_CHECKED);
     let parts = max((params.edges + each - 1u) / each, 1u);
     let k = (found.steps + 1u) % parts * each + i;
     if i < each && k < params.edges && is_long(x_made[ends[k].x].xyz - x_made[ends[k].y].xyz) {

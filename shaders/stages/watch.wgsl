@@ -5,7 +5,7 @@ const ALL_ENERGY: u32 = 0x1000000u;
 // Each step checks one of so many parts of the edges, in turn.
 const TURNS: u32 = 128u;
 // The least number of edges that a step checks.
-const LEAST: u32 = 16u;
+const FEWEST_CHECKED: u32 = 16u;
 // Set beside the index of an edge that is an index in the table of a single workgroup, or of tiles.
 const IN_TABLE: u32 = 0x80000000u;
 const IN_TILES: u32 = 0x40000000u;

@@ -17,7 +17,7 @@ pub(super) const NEAR: f32 = 0.1;
 
 /// The mesh colliders, from step to step.
 #[derive(Debug)]
-pub(super) struct Bodies {
+pub(crate) struct Bodies {
     /// Index of their first vertex.
     pub first: usize,
     /// The meshes that their triangles were numbered for: see [`Surface`](super::surface::Surface).
@@ -54,7 +54,7 @@ impl Bodies {
 
     /// Whether a step can go on with these meshes: they have the same triangles, and in the first step after the state was
     /// set they are also where the triangles were numbered, so that nothing depends on what was before.
-    pub(super) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
+    pub(crate) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
         if self.last.is_empty() {
             return self.are_numbered_for(meshes);
         }
@@ -62,7 +62,7 @@ impl Bodies {
     }
 
     /// Whether their triangles were numbered for these meshes.
-    pub(super) fn are_numbered_for<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
+    pub(crate) fn are_numbered_for<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>>) -> bool {
         let is_same = |(one, other): (&Arc<Mesh>, &Arc<Mesh>)| is_same_place(one, other) && one.has_triangles_of(other);
         self.numbered.len() == meshes.len() && self.numbered.iter().zip(meshes).all(is_same)
     }

@@ -194,7 +194,7 @@ impl TriangleContact {
     /// Edges that pass through triangles of the cloth, as of the last detection, or have done so in this step; given by
     /// vertices.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
-        self.ignored.of_cloth(&self.surface)
+        self.ignored.own_crossings(&self.surface)
     }
 
     /// For each pair of an edge and a triangle that intersect, one on the cloth and one on a body: the index of the

@@ -10,7 +10,7 @@ use crate::contact::{TriangleContact, Workers};
 use crate::cpu::correction::Correction;
 use crate::cpu::integrate::Integrator;
 use crate::cpu::packed::Packed;
-use crate::cpu::schedule::Schedule;
+use crate::cpu::schedule::{Part, Schedule};
 use crate::cpu::statistics::Observed;
 use crate::cpu::substep::{ExternalPrediction, Stepper};
 use crate::cpu::sweep::Rule;
@@ -241,7 +241,7 @@ impl Cpu {
         // A pool of one thread leaves nothing to choose, and its platform (a browser) may have no clock.
         let start = (pool > 1 && !plan.alone).then(Instant::now);
         let cause = match self.contact.take() {
-            None => self.turns(0, 0..turns, plan, external, On::Pool(threads)),
+            None => self.turns(Part::First, 0..turns, plan, external, On::Pool(threads)),
             Some(mut contact) => {
                 // Contact shares its loops among the whole pool, whatever number of threads pays off for the rest.
                 let team = if threads > 1 { pool } else { 1 };
@@ -270,22 +270,21 @@ impl Cpu {
         // Contact also handles the analytic colliders, so the move must not handle them again.
         let moves = Plan { bodies: &[], ..*plan };
         contact.begin(plan, self.x.room(), self.p.room());
-        let mut cause = self.turns(0, 0..1, plan, external, on);
+        let mut cause = self.turns(Part::First, 0..1, plan, external, on);
         for (index, substep) in plan.substeps.iter().enumerate() {
             let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
-            cause = cause.or(self.turns(1, turns.clone(), plan, external, on));
+            cause = cause.or(self.turns(Part::Substep, turns.clone(), plan, external, on));
             contact.resolve(plan, substep, self.x.room(), self.p.room(), workers, self.packed.width);
-            cause = cause.or(self.turns(2, turns.end - 1..turns.end, &moves, external, on));
+            cause = cause.or(self.turns(Part::Move, turns.end - 1..turns.end, &moves, external, on));
         }
         contact.end(self.x.room(), self.p.room(), workers);
         cause
     }
 
-    /// Runs a range of turns under one of the schedules and returns what is wrong with the resulting state, if
-    /// anything.
+    /// Runs a range of turns of a part of the step and returns what is wrong with the resulting state, if anything.
     fn turns(
         &mut self,
-        schedule: usize,
+        part: Part,
         turns: Range<u32>,
         plan: &Plan<'_>,
         external: Option<&dyn ExternalPrediction>,
@@ -294,7 +293,7 @@ impl Cpu {
         let Cpu { x, p, x_good, p_good, packed, steps, .. } = self;
         let found = VertexWatch::nothing(&plan.params, x);
         let Packed { forces, coarse, edges, edges_back, tethers, schedules, partition, width, terms, .. } = packed;
-        let schedule = &mut schedules[schedule];
+        let schedule = &mut schedules[part as usize];
         let (x, u) = (SharedArray::new(x.room()), SharedArray::new(p.room()));
         let good = [x_good, p_good].map(|good| SharedArray::new(good.room()));
         let stepper = Stepper {

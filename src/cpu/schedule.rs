@@ -99,12 +99,22 @@ pub(crate) struct Schedule {
     pub chunks: Option<Vec<Range<u32>>>,
 }
 
+/// What a schedule covers, as an index of [`Schedule::all`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Part {
+    /// What comes before the substeps, and without contact of triangles the substeps, too.
+    First,
+    /// A substep up to contact of triangles, which runs outside the graphs.
+    Substep,
+    /// The move after it.
+    Move,
+}
+
 /// Minimum number of vertices in a chunk.
 const MIN_CHUNK: usize = 128;
 
 impl Schedule {
-    /// The schedules of a step. Without contact of triangles there is one. With it there are three, because contact
-    /// runs outside the graph: the prologue, a substep up to contact, and the move after contact.
+    /// The schedules of a step: one for each [`Part`], or without contact of triangles only the first.
     pub(crate) fn all(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Vec<Schedule> {
         let schedule = |once, stages| Schedule::new(terms, once, stages, partition, coarse, panel_tiles);
         let stages = stages(terms, partition, coarse);

@@ -12,7 +12,7 @@ use crate::kernels::limits::MAX_POSITION;
 use crate::kernels::params::Params;
 use crate::kernels::watch::{energy_share, is_long};
 use crate::model::cloth::Cloth;
-use crate::step::watch::{LEAST, TURNS};
+use crate::step::watch::{FEWEST_CHECKED, TURNS};
 
 /// Half the edge of a cube whose points are less than 1 apart: less than `1 / (2 sqrt 3)`, for rounding errors.
 const CUBE: f32 = 0.28;
@@ -91,10 +91,10 @@ impl VertexWatch {
 }
 
 /// The first edge that is longer than `longest` (m). Each step looks at another part of the edges, 1 in [`TURNS`] but at
-/// least [`LEAST`]: parts of a cloth may be far from each other for good.
+/// least [`FEWEST_CHECKED`]: parts of a cloth may be far from each other for good.
 fn overlong(cloth: &Cloth, longest: f32, step: u32, x: &[Vec4]) -> Option<usize> {
     let edges = cloth.swept();
-    let each = edges.len().div_ceil(TURNS).max(LEAST);
+    let each = edges.len().div_ceil(TURNS).max(FEWEST_CHECKED);
     let first = step as usize % edges.len().div_ceil(each).max(1) * each;
     // An edge without stiffness may have any length.
     let mut part = edges.iter().enumerate().skip(first).take(each).filter(|(_, edge)| cloth.stiffness(edge) > 0.0);

@@ -60,7 +60,7 @@ impl Deformer {
         }
         let bends_alike = fabric.bending == options.fabric.bending;
         let (cloth, change) = self.cloth.changed(&options)?;
-        self.look_back()?;
+        self.check_late_failure()?;
         let [mut x, mut p] = if change == Change::Stiffness { [Vec::new(), Vec::new()] } else { self.read_state()? };
         x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
         cloth.stop_loose(&mut p);

@@ -14,7 +14,7 @@ use crate::model::checks::MAX_THICKNESS;
 use crate::options::Backend;
 use crate::options::{Contact, Method, Quality, Warning};
 use crate::step::load::travel;
-use crate::step::substep_count::FRAMES;
+use crate::step::substep_count::SIXTIETHS;
 
 /// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
 /// through.
@@ -91,7 +91,7 @@ impl Deformer {
                 let sleeps = self.options.method == Method::SmallSteps && self.options.contact.and(self.options.sleep).is_some();
                 let settles = sleeps && !self.cloth.has_pins();
                 let settling = if settles { SETTLING } else { 0.0 };
-                FRAMES * (SUBSTEPS * speed / thickness / FRAMES).ceil().min(MOST).max(settling)
+                SIXTIETHS * (SUBSTEPS * speed / thickness / SIXTIETHS).ceil().min(MOST).max(settling)
             }
         }
     }

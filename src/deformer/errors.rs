@@ -6,6 +6,7 @@ use crate::device::fault::{Excess, GpuFault};
 use crate::error::failure::{Defect, Failure};
 use crate::error::{Instability, StepError};
 use crate::options::Method;
+use crate::step::substep_count::SIXTIETHS;
 use crate::step::watch::Bounds;
 
 impl Deformer {
@@ -23,7 +24,7 @@ impl Deformer {
                         (ends[0] as usize, Instability::Edge { ends, length })
                     }
                 };
-                StepError::Unstable { vertex, cause, frame: step, remedy: self.remedy(cause) }
+                StepError::Unstable { vertex, cause, step, remedy: self.remedy(cause) }
             }
             Failure::Crowded(pairs) => StepError::Crowded { pairs },
             #[cfg(feature = "gpu")]
@@ -42,7 +43,7 @@ impl Deformer {
     fn remedy(&self, cause: Instability) -> String {
         // Substeps per 1/60 s, the unit of `Quality::Substeps`.
         let h = self.coefficients.as_ref().map_or(0.0, |used| f64::from(used.length.h));
-        let (substeps, needed) = ((1.0 / (60.0 * h)).round(), (self.rates.explicit() / 60.0).ceil());
+        let (substeps, needed) = ((1.0 / (SIXTIETHS * h)).round(), (self.rates.explicit() / SIXTIETHS).ceil());
         match (self.options.method, cause) {
             (Method::Springs, _) if substeps < needed => format!(
                 "{substeps} substeps per 1/60 s are too few for explicit springs, which need {needed} here; use that many, a softer fabric or SmallSteps"

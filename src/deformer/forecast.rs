@@ -6,7 +6,7 @@ use crate::error::StepError;
 use crate::model::links::Slivers;
 use crate::options::{Method, Options, Warning};
 use crate::step::coefficients::Coefficients;
-use crate::step::substep_count::{Division, FRAMES, Rates};
+use crate::step::substep_count::{Division, Rates, SIXTIETHS};
 
 /// Prediction of a step from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
 #[derive(Debug, Clone, PartialEq)]
@@ -64,12 +64,12 @@ impl Deformer {
     /// Substeps per 1/60 s, at least 20, that resolve the stiffness as far as a resolution is visible: see
     /// [`Rates::resolving_what_shows`].
     pub(crate) fn resolving_substeps(&self) -> u32 {
-        (self.rates.resolving_what_shows(&self.cloth) / FRAMES).ceil().max(20.0) as u32
+        (self.rates.resolving_what_shows(&self.cloth) / SIXTIETHS).ceil().max(20.0) as u32
     }
 
     /// Substeps per 1/60 s that explicit springs need with these options.
     pub(crate) fn explicit_substeps(&self, options: &Options) -> u32 {
-        (Rates::new(&self.cloth, options).explicit() / FRAMES).ceil().min(f64::from(u32::MAX)) as u32
+        (Rates::new(&self.cloth, options).explicit() / SIXTIETHS).ceil().min(f64::from(u32::MAX)) as u32
     }
 
     /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices.

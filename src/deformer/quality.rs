@@ -8,9 +8,9 @@ use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
-use crate::step::controller::{Caution, Controller, LEAST, StrainBound, excess, most};
+use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, excess, most};
 use crate::step::load::Load;
-use crate::step::substep_count::{FRAMES, is_gale};
+use crate::step::substep_count::{SIXTIETHS, is_gale};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
@@ -73,14 +73,15 @@ impl Deformer {
             (Some(strain_bound), _) => self.controller.next(&self.rates, &self.cloth, (strain_bound, caution), load, dt),
             (None, Quality::Budget(time)) => {
                 // The controller counts substeps per 1/60 s.
-                let steps = f64::from(dt) * FRAMES;
+                let steps = f64::from(dt) * SIXTIETHS;
                 let fitting = self.pace.fitting(1e-3 * f64::from(time), self.controller.count() * steps);
                 let most = most(&self.rates, &self.cloth);
                 // With fewer, cloth is stretched so far that contact takes longer, not less.
                 let weight = self.cloth.density * load.gravity * self.cloth.extent;
-                let taut = (self.rates.keeping(weight, TAUT) / FRAMES).clamp(LEAST, most);
+                let taut = (self.rates.keeping(weight, TAUT) / SIXTIETHS).clamp(FEWEST_SUBSTEPS, most);
                 let least = if has_contact { taut } else { 1.0 };
-                self.controller.with_count(fitting.map_or(least.max(LEAST), |substeps| (substeps / steps).clamp(least, most)))
+                self.controller
+                    .with_count(fitting.map_or(least.max(FEWEST_SUBSTEPS), |substeps| (substeps / steps).clamp(least, most)))
             }
             _ => self.controller,
         }
@@ -88,11 +89,11 @@ impl Deformer {
 
     /// How cautiously the substeps of a step with contact of triangles or without are chosen, and on a GPU with more substeps
     /// instead of levels or not.
-    pub(super) fn caution(&self, has_contact: bool, trades: bool) -> Caution {
+    pub(super) fn caution(&self, has_contact: bool, trades_levels: bool) -> Caution {
         match self.backend() == Backend::Gpu && !has_contact {
             _ if self.cloth.is_shell => Caution::SHELL,
             false => Caution::PROMPT,
-            true if trades => Caution::LATE_WITHOUT_LEVELS,
+            true if trades_levels => Caution::LATE_WITHOUT_LEVELS,
             true => Caution::LATE,
         }
     }
@@ -179,11 +180,11 @@ impl Deformer {
         seen: &Statistics,
         holds: Option<Cause>,
     ) -> Option<Warning> {
-        let StepDecision { dt, load, division, .. } = decision;
+        let StepDecision { dt, load, division, has_contact, trades_levels, .. } = decision;
         let (share, longest, resolved) = (strain_bound.share, f64::from(division.length.longest_h), division.length.resolved);
         let measured = f64::from(seen.stretch_of(f64::from(share)));
-        let with_most = FRAMES * most(&self.rates, &self.cloth) * longest < 1.001;
-        let caution = self.caution(self.engine.contact().is_some(), false);
+        let with_most = SIXTIETHS * most(&self.rates, &self.cloth) * longest < 1.001;
+        let caution = self.caution(*has_contact, *trades_levels);
         let known = self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt);
         let beyond = |known| excess(&self.cloth, load, [measured, known], share, resolved);
         let law = self.rates.strain(load.stress(&self.cloth), longest);

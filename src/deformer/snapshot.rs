@@ -20,7 +20,7 @@ use crate::step::watch::{Bounds, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
@@ -130,7 +130,7 @@ struct State {
 
 recorded!(Content { identity, lanes, state });
 recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
-recorded!(StepDecision { dt, load, controller, rate, division, levels } but { fastest, bounds });
+recorded!(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels } but { fastest, bounds });
 
 impl Deformer {
     /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that

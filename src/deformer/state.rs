@@ -26,7 +26,7 @@ impl Deformer {
     /// # Errors
     /// If the GPU was lost, or a step since the last read became unstable.
     pub fn positions(&mut self) -> Result<&[Vec3], StepError> {
-        self.show()?;
+        self.refresh_positions()?;
         Ok(&self.positions)
     }
 
@@ -41,14 +41,14 @@ impl Deformer {
         let under_way = under_way.map_err(|failure| self.failed(failure))?;
         self.has_arrived = !under_way;
         if !under_way {
-            self.show()?;
+            self.refresh_positions()?;
             self.requested.clone_from(&self.positions);
         }
         Ok(())
     }
 
     /// The positions (m) last requested, one per vertex, in the mesh's order. Each request is returned once; `None`
-    /// before it has arrived, or if there was none. Never waits.
+    /// before it has arrived, or if there was none. Never waits, unless a step has failed.
     ///
     /// # Errors
     /// As [`Deformer::positions`].
@@ -63,7 +63,11 @@ impl Deformer {
             Err(failure) => {
                 // Reading the state finds the same failure, and resets where the next step starts from.
                 let error = self.failed(failure);
-                return Err(self.show().err().filter(|error| matches!(error, StepError::Unstable { .. })).unwrap_or(error));
+                return Err(self
+                    .refresh_positions()
+                    .err()
+                    .filter(|error| matches!(error, StepError::Unstable { .. }))
+                    .unwrap_or(error));
             }
         }
         Ok(std::mem::take(&mut self.has_arrived).then_some(&*self.requested))
@@ -74,7 +78,7 @@ impl Deformer {
     /// # Errors
     /// As [`Deformer::positions`].
     pub fn velocities(&mut self) -> Result<&[Vec3], StepError> {
-        self.show()?;
+        self.refresh_positions()?;
         Ok(&self.velocities)
     }
 
@@ -148,7 +152,7 @@ impl Deformer {
     /// # Errors
     /// As [`Deformer::positions`].
     pub fn measure(&mut self) -> Result<Measure, StepError> {
-        self.show()?;
+        self.refresh_positions()?;
         let cloth = &self.cloth;
         let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
         let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
@@ -166,11 +170,11 @@ impl Deformer {
     /// # Errors
     /// As [`Deformer::positions`].
     pub fn crossings(&mut self) -> Result<Vec<Crossing>, StepError> {
-        self.show()?;
+        self.refresh_positions()?;
         let triangles = &self.cloth.triangles;
         let edges = edges(triangles);
         let (x, thickness) = (&self.local, self.options.contact.unwrap_or_default().thickness);
-        let found = Features { edges: &edges, triangles, x, of_cloth: x.len(), thickness }.crossings(|_, _| true);
+        let found = Features { edges: &edges, triangles, x, cloth_vertices: x.len(), thickness }.crossings(|_, _| true);
         let crossing = |&[edge, triangle]: &[u32; 2]| {
             let crossing = Crossing { edge: edges[edge as usize], triangle: triangles[triangle as usize] };
             crossing.named(&self.cloth.order)
@@ -243,11 +247,11 @@ impl Deformer {
     }
 
     /// Fails if the GPU has reported by now that a previous step failed, and reads the state it returned to.
-    pub(super) fn look_back(&mut self) -> Result<(), StepError> {
+    pub(super) fn check_late_failure(&mut self) -> Result<(), StepError> {
         let has_failed = self.engine.has_failed_late();
         if has_failed.map_err(|failure| self.failed(failure))? {
             self.is_current = false;
-            self.show()?;
+            self.refresh_positions()?;
         }
         Ok(())
     }
@@ -255,8 +259,8 @@ impl Deformer {
     /// The positions and displacements (m) in the cloth's order. Reports a step that failed on the GPU, if any, and returns to the
     /// state before it.
     pub(super) fn read_state(&mut self) -> Result<[Vec<Vec4>; 2], StepError> {
-        self.look_back()?;
-        self.show()?;
+        self.check_late_failure()?;
+        self.refresh_positions()?;
         let mut state = [Vec::new(), Vec::new()];
         let read = self.engine.read(|x, p| state = [x.to_vec(), p.to_vec()]);
         read.map_err(|failure| self.failed(failure))?;
@@ -264,11 +268,11 @@ impl Deformer {
     }
 
     /// Updates `positions`, `velocities` and `local`.
-    fn show(&mut self) -> Result<(), StepError> {
+    fn refresh_positions(&mut self) -> Result<(), StepError> {
         if self.is_current {
             return Ok(());
         }
-        let (last_h, read) = self.load();
+        let (last_h, read) = self.read_engine();
         if let Err(failure) = read {
             // The GPU has returned to its last good state, and the next step starts from there.
             self.motion = last_h.map_or_else(|| self.motion.clone(), |h| Motion::after(&self.cloth, &self.local, h));
@@ -279,14 +283,14 @@ impl Deformer {
     }
 
     /// After a step that has found out that an earlier one failed: the GPU has returned to the state before that.
-    pub(super) fn start_from_there(&mut self) {
-        if let (Some(h), _) = self.load() {
+    pub(super) fn start_from_engine_state(&mut self) {
+        if let (Some(h), _) = self.read_engine() {
             self.motion = Motion::after(&self.cloth, &self.local, h);
         }
     }
 
     /// Reads the state, and the duration (s) of the substep that led to it, if it can be read.
-    fn load(&mut self) -> (Option<f32>, Result<(), Failure>) {
+    fn read_engine(&mut self) -> (Option<f32>, Result<(), Failure>) {
         let cloth = &self.cloth;
         let unit = self.motion.unit();
         let (positions, velocities, local) = (&mut self.positions, &mut self.velocities, &mut self.local);

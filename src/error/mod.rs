@@ -176,14 +176,14 @@ pub enum StepError {
         needed: f64,
     },
     /// The motion became unstable during a step. The state is that of the last good step.
-    #[error("unstable: {cause}, in step {frame}; {remedy}")]
+    #[error("unstable: {cause}, in step {step}; {remedy}")]
     Unstable {
         /// The first vertex out of bounds, the first that is too fast, or an end of the overlong edge.
         vertex: usize,
         /// What went wrong.
         cause: Instability,
         /// The step, counted from 1 since the cloth was created, reset or given a state.
-        frame: u32,
+        step: u32,
         /// What to change.
         remedy: String,
     },
@@ -250,8 +250,8 @@ pub enum Instability {
         /// The bound on the cloth's speed (m/s), the root of twice its kinetic energy over its mass.
         speed: f32,
     },
-    /// An edge is many times longer than the whole cloth. Each step checks some of the edges: every edge is checked once in
-    /// 128 steps, or on a GPU in as many as the edges have colors.
+    /// An edge is many times longer than the whole cloth. A step checks only some of the edges, so this may be found up to 128 steps
+    /// late, or on a GPU as many as the edges have colors.
     #[error("edge {}-{} is longer than {length} m, eight times the size of the cloth stretched by its weight and speed", ends[0], ends[1])]
     Edge {
         /// The two ends of the edge.

@@ -8,7 +8,7 @@ use crate::gpu::stage::{Bind, ComputePass, Stage};
 use crate::gpu::state::StateBuffers;
 use crate::gpu::watch::Defects;
 use crate::model::cloth::Cloth;
-use crate::step::watch::{LEAST, TURNS};
+use crate::step::watch::{FEWEST_CHECKED, TURNS};
 
 /// The stages that check and commit, with a bind group for each state but the cloth's own.
 #[derive(Debug)]
@@ -48,7 +48,7 @@ impl Commit {
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, made: usize, cloth: &Cloth, checked: bool) {
         let vertices = cloth.rest.len();
         if let (false, Some(check)) = (checked, &self.check) {
-            let edges = cloth.swept().len().div_ceil(TURNS).max(LEAST);
+            let edges = cloth.swept().len().div_ceil(TURNS).max(FEWEST_CHECKED);
             check.dispatch(pass, made - 1, &[], vertices.max(edges));
         }
         self.finish.dispatch(pass, made - 1, &[], vertices);

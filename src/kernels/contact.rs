@@ -57,7 +57,7 @@ pub(crate) const SWEPT: f32 = 0.25;
 /// Maximum number of steps along a path.
 pub(crate) const SWEEP_STEPS: u32 = 24;
 /// A path touches a body at less than this share of its radius, or of half a box's thickness.
-const TOUCHING: f32 = 0.001;
+pub(crate) const TOUCHING: f32 = 0.001;
 
 /// Resolves the collisions of vertices with one body after the other, where they are free to move. Returns `(x, u)` afterwards, or
 /// none if the vertices surely touch no body.

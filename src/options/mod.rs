@@ -95,8 +95,8 @@ pub enum Method {
     #[default]
     SmallSteps,
     /// Position Verlet with Jakobsen's relaxation (2001), as in the 2013 plug-in. Stiffness depends on the iterations
-    /// and the length of the substep, not on [`Fabric::stretch`]. With [`Quality::Strain`] it takes one substep per
-    /// 1/60 s.
+    /// and the length of the substep, not on [`Fabric::stretch`]. With any quality but [`Quality::Substeps`] it takes one
+    /// substep per 1/60 s.
     Relaxation {
         /// Sweeps over the edges per substep.
         iterations: u32,

@@ -9,7 +9,7 @@ use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
 use crate::step::bending::BendRows;
-use crate::step::substep_count::{Length, ONE_WAY, STANDARD_GRAVITY, softening};
+use crate::step::substep_count::{Length, ONE_WAY, SIXTIETHS, STANDARD_GRAVITY, softening};
 use crate::step::watch::TRANSIENT;
 
 /// The coefficients of a cloth for substeps of one length.
@@ -92,7 +92,7 @@ const SOFT: f64 = 2e-3;
 /// less far the more substeps there are. Like edges, they are as stiff in a shorter substep as in the longest one: otherwise
 /// a step of a microsecond would turn what is left of a stretch into hundreds of meters per second.
 fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
-    let substeps = 1.0 / (60.0 * f64::from(length.longest_h));
+    let substeps = 1.0 / (SIXTIETHS * f64::from(length.longest_h));
     let reach = REACH * cloth.sides.max_element() * (FULL_REACH / substeps).min(1.0);
     let part = (f64::from(length.h) / f64::from(length.longest_h)).powi(2).min(1.0);
     let left = part * (1.0 - length.resolved);
@@ -152,7 +152,7 @@ const UNSEEN: f64 = 5e-5;
 /// `floor h² w k stress/K`, and at most [`UNSEEN`].
 fn floor(cloth: &Cloth, link: &Link, length: Length, stress: f64) -> f64 {
     let longest = f64::from(length.longest_h);
-    let substeps = 1.0 / (60.0 * longest);
+    let substeps = 1.0 / (SIXTIETHS * longest);
     if substeps <= MANY {
         return 0.0;
     }

@@ -5,10 +5,10 @@ use crate::model::cloth::Cloth;
 use crate::options::Quality;
 use crate::record::recorded;
 use crate::step::load::Load;
-use crate::step::substep_count::{FRAMES, Rates};
+use crate::step::substep_count::{Rates, SIXTIETHS};
 
 /// Minimum number of substeps in 1/60 s.
-pub(crate) const LEAST: f64 = 5.0;
+pub(crate) const FEWEST_SUBSTEPS: f64 = 5.0;
 /// The number of substeps is lowered at most to this share at a time.
 const FALL: f64 = 0.8;
 /// The load is steady if its stress changes by less than this share in a step.
@@ -194,9 +194,9 @@ impl Controller {
     /// The number of substeps in 1/60 s that the law asks for.
     fn asked(&self, rates: &Rates, cloth: &Cloth, (strain_bound, caution): (StrainBound, Caution), load: &Load) -> f64 {
         let keeping = rates.keeping(load.stress(cloth), caution.aim(strain_bound) / self.factor);
-        let count = keeping.max(self.gripping(rates, cloth, load, strain_bound.share)) / FRAMES;
+        let count = keeping.max(self.gripping(rates, cloth, load, strain_bound.share)) / SIXTIETHS;
         let most = most(rates, cloth);
-        caution.rounded_up(count.min(most).max(LEAST)).min(most)
+        caution.rounded_up(count.min(most).max(FEWEST_SUBSTEPS)).min(most)
     }
 
     /// Substeps per second with which cloth that is pulled over something grips it; 0 if it is not known to be.
@@ -248,7 +248,7 @@ const MUCH_STIFFER: f64 = 4.0;
 /// that, more and more substeps would be asked for, of which none would help.
 pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
     let resolved = std::f64::consts::SQRT_2 * rates.resolving(cloth.stretch);
-    (resolved.min(MUCH_STIFFER * rates.resolving_what_shows(cloth)) / FRAMES).ceil().max(LEAST)
+    (resolved.min(MUCH_STIFFER * rates.resolving_what_shows(cloth)) / SIXTIETHS).ceil().max(FEWEST_SUBSTEPS)
 }
 
 /// Cloth that is pulled over something keeps a tension of at least this many times the stress of its load.

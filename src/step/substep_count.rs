@@ -9,8 +9,8 @@ use crate::options::Fabric;
 use crate::options::{Levels, Method, Options, Quality};
 use crate::record::recorded;
 
-/// [`Quality`] counts substeps per 1/60 s.
-pub(crate) const FRAMES: f64 = 60.0;
+/// Sixtieths of a second in a second: [`Quality`] counts substeps in each.
+pub(crate) const SIXTIETHS: f64 = 60.0;
 
 /// The gravity (m/s²) assumed where a choice may not depend on the scene.
 pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
@@ -87,11 +87,11 @@ impl Rates {
     /// Substeps per second for a quality. `count`, in 1/60 s, is the choice of the
     /// [`Controller`](crate::step::controller::Controller) where the quality leaves it to that. Springs run at 1.05
     /// times their stability limit. There is no strain law for relaxation, which gets one substep in 1/60 s.
-    pub(crate) fn rate(&self, options: &Options, count: f64) -> f64 {
+    pub(crate) fn substep_rate(&self, options: &Options, count: f64) -> f64 {
         match (options.quality, options.method) {
-            (Quality::Substeps(count), _) => FRAMES * f64::from(count),
-            (_, Method::SmallSteps) => FRAMES * count,
-            (_, Method::Relaxation { .. }) => FRAMES,
+            (Quality::Substeps(count), _) => SIXTIETHS * f64::from(count),
+            (_, Method::SmallSteps) => SIXTIETHS * count,
+            (_, Method::Relaxation { .. }) => SIXTIETHS,
             (_, Method::Springs) => (1.05 * self.explicit).max(1.0),
         }
     }

@@ -39,7 +39,7 @@ pub(crate) const TRANSIENT: f64 = 5.0;
 /// step whose vertices are all close enough together checks none.
 pub(crate) const TURNS: usize = 128;
 /// Minimum number of edges that a step checks; `stages/watch.wgsl` has the same constant.
-pub(crate) const LEAST: usize = 16;
+pub(crate) const FEWEST_CHECKED: usize = 16;
 
 /// What the bounds follow from: constants of the cloth, and the largest motions in the scene so far.
 #[derive(Debug, Clone, Copy, Default)]

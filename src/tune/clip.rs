@@ -3,12 +3,12 @@
 use glam::Vec3;
 use web_time::Instant;
 
-use super::Setting;
+use super::{Setting, Terms};
 use crate::attributes::Attributes;
 use crate::deformer::Deformer;
 use crate::error::{BuildError, StepError};
 use crate::model::mesh::Mesh;
-use crate::options::Options;
+use crate::options::{Fabric, Options};
 
 /// Length of a frame (s).
 const FRAME: f32 = 1.0 / 60.0;
@@ -50,14 +50,11 @@ pub(super) struct Clip {
 }
 
 impl Scene<'_> {
-    /// Whether the scene has the given term of [`Setting::terms`].
-    pub(super) fn has(&self, term: usize) -> bool {
-        let fabric = self.options.fabric;
-        match term {
-            0 => fabric.bending > 0.0,
-            1 => fabric.bending > 0.0 && fabric.damping > 0.0,
-            _ => (1..=self.frames).any(|frame| (self.attributes)(frame).air_density > 0.0),
-        }
+    /// The terms that the scene has.
+    pub(super) fn terms(&self) -> Terms {
+        let Fabric { bending, damping, .. } = self.options.fabric;
+        let air = (1..=self.frames).any(|frame| (self.attributes)(frame).air_density > 0.0);
+        Terms { bending: bending > 0.0, damping: bending > 0.0 && damping > 0.0, air }
     }
 
     /// The frames whose states are compared: twice [`COMPARED`], or all if the scene has fewer.

@@ -44,8 +44,31 @@ pub struct Setting {
     pub levels: Levels,
     /// [`Options::tethers`].
     pub tethers: Tethers,
-    /// Whether the fabric's bending, its damping and the air are computed; each applies only if the scene has it.
-    pub terms: [bool; 3],
+    /// What is computed.
+    pub terms: Terms,
+}
+
+/// The terms of a scene that can be left out, and whether they are computed; each applies only if the scene has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Terms {
+    /// [`Fabric::bending`](crate::Fabric::bending).
+    pub bending: bool,
+    /// [`Fabric::damping`](crate::Fabric::damping), which acts on bending.
+    pub damping: bool,
+    /// [`Attributes::air_density`].
+    pub air: bool,
+}
+
+impl Terms {
+    /// Nothing is left out.
+    pub const ALL: Terms = Terms { bending: true, damping: true, air: true };
+
+    /// The names of the terms that are left out.
+    pub fn left_out(self) -> impl Iterator<Item = &'static str> {
+        let Terms { bending, damping, air } = self;
+        [("bending", bending), ("damping", damping), ("air", air)].into_iter().filter_map(|(name, is)| (!is).then_some(name))
+    }
 }
 
 /// A run that was tried.
@@ -108,7 +131,7 @@ pub struct Tuned {
 impl Setting {
     fn of(options: &Options) -> Setting {
         let &Options { method, quality, levels, tethers, .. } = options;
-        Setting { method, quality, levels, tethers, terms: [true; 3] }
+        Setting { method, quality, levels, tethers, terms: Terms::ALL }
     }
 
     fn with_substeps(self, count: u32) -> Setting {
@@ -118,17 +141,17 @@ impl Setting {
     /// These options with the setting applied.
     #[must_use]
     pub fn options(&self, options: &Options) -> Options {
-        let &Setting { method, quality, levels, tethers, terms: [bending, damping, _] } = self;
+        let &Setting { method, quality, levels, tethers, terms } = self;
         let mut fabric = options.fabric;
-        fabric.bending *= f32::from(u8::from(bending));
-        fabric.damping *= f32::from(u8::from(damping));
+        fabric.bending *= f32::from(u8::from(terms.bending));
+        fabric.damping *= f32::from(u8::from(terms.damping));
         Options { method, quality, levels, tethers, fabric, ..options.clone() }
     }
 
     /// These attributes with the setting applied: without air if the setting leaves it out.
     #[must_use]
     pub fn attributes(&self, attributes: Attributes) -> Attributes {
-        let air_density = if self.terms[2] { attributes.air_density } else { 0.0 };
+        let air_density = if self.terms.air { attributes.air_density } else { 0.0 };
         Attributes { air_density, ..attributes }
     }
 }
@@ -136,12 +159,12 @@ impl Setting {
 /// Formats the setting as fields to paste into [`Options`]. Whether the scene's air can be left out is not among them.
 impl Display for Setting {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Setting { method, quality, levels, tethers, terms: [bending, damping, _] } = self;
+        let Setting { method, quality, levels, tethers, terms } = self;
         write!(
             f,
             "method: Method::{method:?}, quality: Quality::{quality:?}, levels: Levels::{levels:?}, tethers: Tethers::{tethers:?}"
         )?;
-        match (bending, damping) {
+        match (terms.bending, terms.damping) {
             (true, true) => Ok(()),
             (true, false) => write!(f, ", fabric: Fabric {{ damping: 0.0, ..fabric }}"),
             (false, _) => write!(f, ", fabric: Fabric {{ bending: 0.0, damping: 0.0, ..fabric }}"),

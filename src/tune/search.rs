@@ -2,7 +2,7 @@
 
 use super::clip::{Clip, Scene};
 use super::distance::Distance;
-use super::{Setting, Term, Tolerance, Trial, Tuned};
+use super::{Setting, Term, Terms, Tolerance, Trial, Tuned};
 use crate::deformer::Deformer;
 use crate::error::{BuildError, StepError};
 use crate::kernels::limits::MAX_SUBSTEPS;
@@ -23,8 +23,10 @@ const ITERATIONS: u32 = 4;
 const OF_RELAXATION: f64 = 2.2;
 const OF_SPRINGS: f64 = 0.7;
 
-/// The names of [`Setting::terms`].
-const TERMS: [&str; 3] = ["bending", "damping", "air"];
+/// The name of each term, and whether it is among given ones. Damping acts on bending, so it comes later.
+type NamedTerm = (&'static str, fn(&mut Terms) -> &mut bool);
+const TERMS: [NamedTerm; 3] =
+    [("bending", |terms| &mut terms.bending), ("damping", |terms| &mut terms.damping), ("air", |terms| &mut terms.air)];
 
 /// What is known before the kinds of solvers are compared.
 struct Baseline {
@@ -111,28 +113,29 @@ impl<'a> Search<'a> {
         let resolved = self.trials.first().copied();
         let Some(base) = base else { return Ok(Baseline { resolved, chaotic, terms: Vec::new(), plain }) };
         let mut terms = Vec::new();
-        for (term, name) in TERMS.into_iter().enumerate().filter(|(term, _)| self.scene.has(*term)) {
+        let mut there = self.scene.terms();
+        for (name, of) in TERMS.into_iter().filter(|(_, of)| *of(&mut there)) {
             let mut without = eighth;
-            without.terms[term] = false;
+            *of(&mut without.terms) = false;
             let Some(clip) = finished(self.scene.play(&without, 0.0))? else { continue };
             let apart = distance.between(&base, &clip, false);
             let error = if chaotic { (apart.powi(2) - floor.powi(2)).max(0.0).sqrt() } else { apart };
             let milliseconds = (base.milliseconds - clip.milliseconds) as f32;
-            terms.push((term, Term { name, error: error as f32, milliseconds, dropped: false }));
+            terms.push((of, Term { name, error: error as f32, milliseconds, dropped: false }));
         }
         let mut left = 0.25 * self.tolerance.powi(2);
         let mut plain = plain;
         terms.sort_by(|a, b| a.1.error.total_cmp(&b.1.error));
-        for (term, Term { error, dropped, .. }) in &mut terms {
+        for (of, Term { name, error, dropped, .. }) in &mut terms {
             // Damping acts on bending and is dropped with it.
-            let gone = *term == 1 && !plain.terms[0];
+            let gone = *name == "damping" && !plain.terms.bending;
             left -= if gone { 0.0 } else { f64::from(*error).powi(2) };
             *dropped = gone || left >= 0.0;
-            plain.terms[*term] = !*dropped;
+            *of(&mut plain.terms) = !*dropped;
         }
         // Terms that are negligible one by one may not be so together with the error that the substeps leave.
         if self.keeps(&trial) && !self.try_out(Setting { terms: plain.terms, ..eighth })? {
-            plain.terms = [true; 3];
+            plain.terms = Terms::ALL;
             terms.iter_mut().for_each(|(_, term)| term.dropped = false);
         }
         Ok(Baseline { resolved, chaotic, terms: terms.into_iter().map(|(_, term)| term).collect(), plain })
@@ -161,7 +164,7 @@ impl<'a> Search<'a> {
     /// Tries the bound on strain itself, and fixed numbers of substeps near what it took.
     fn descend_strain(&mut self, plain: Setting, strain: f32, most: u32) -> Result<(), BuildError> {
         self.try_out(Setting { quality: Quality::Strain(strain), ..plain })?;
-        let mean = self.trials.last().map_or(f32::from(20_u8), |trial| trial.substeps);
+        let mean = self.trials.last().map_or(20.0, |trial| trial.substeps);
         let most = most.max(2 * mean as u32);
         self.descend(plain, mean.ceil().max(1.0) as u32, most)?;
         // No run has resolved the stiffness yet.

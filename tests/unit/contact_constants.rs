@@ -33,7 +33,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("MAX_EXCESS", Literal::F32(tree::MAX_EXCESS)),
         ("LEAST_HELD", Literal::F32(LEAST_HELD)),
         ("ACTING", Literal::F32(near::ACTING)),
-        ("BESIDE", Literal::F32(voronoi::BESIDE)),
+        ("ABOVE_ANGLE", Literal::F32(voronoi::ABOVE_ANGLE)),
         ("ALONGSIDE", Literal::F32(voronoi::ALONGSIDE)),
         ("ON_SIDE", Literal::F32(voronoi::ON_SIDE)),
         ("FARTHER", Literal::F32(truncation::FARTHER)),

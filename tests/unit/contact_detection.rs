@@ -90,7 +90,7 @@ fn around_vertices_with_new_paths_all_pairs_are_listed() {
     body.positions.iter_mut().for_each(|at| *at += Vec3::new(0.003, -0.012, 0.002));
     let body = Arc::new(body);
     let mut folded = Folded::new(&cloth, &body);
-    let (vertices, first_of_body) = (cloth.rest.len() as u32, folded.surface.of_cloth() as u32);
+    let (vertices, first_of_body) = (cloth.rest.len() as u32, folded.surface.cloth_vertices() as u32);
     let (mut seed, mut added) = (7_u32, [0; 2]);
     let mut random = |below: u32| {
         seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

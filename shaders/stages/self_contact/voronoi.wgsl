@@ -2,14 +2,14 @@
 // theory.
 
 // A vertex counts as above a side or a corner, too, if it is beyond by an angle of at most this.
-const BESIDE: f32 = 0.01;
+const ABOVE_ANGLE: f32 = 0.01;
 // A closest point is on a side or at a corner if a weight is less than this.
 const ON_SIDE: f32 = 1e-5;
 // Edges run alongside each other if the squared sine of the angle between them is less than this.
 const ALONGSIDE: f32 = 0.01;
 
 fn is_above(apart: vec3f, way: vec3f) -> bool {
-    return dot(apart, way) <= BESIDE * length(apart) * length(way);
+    return dot(apart, way) <= ABOVE_ANGLE * length(apart) * length(way);
 }
 
 // Whether the point of a triangle with these weights, from which vertex `v` is `apart`, is the point of the surface around it

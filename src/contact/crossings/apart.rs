@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 use glam::{DVec3, Vec4};
 
-use super::overlaps::{Span, around, for_overlaps};
+use super::overlaps::{Span, box_around, for_overlaps};
 use super::touches::Touches;
 use super::{Features, pierced};
 use crate::model::mesh::along;
@@ -84,9 +84,9 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
     let mut vertices: Vec<u32> = triangles.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();
-    let of_vertices: Vec<Span> = vertices.iter().map(|&vertex| around(&[at(vertex)], reach)).collect();
-    let of_edges: Vec<Span> = edges.iter().map(|ends| around(&ends.map(at), 0.5 * reach)).collect();
-    let of_triangles: Vec<Span> = triangles.iter().map(|corners| around(&corners.map(at), 0.0)).collect();
+    let of_vertices: Vec<Span> = vertices.iter().map(|&vertex| box_around(&[at(vertex)], reach)).collect();
+    let of_edges: Vec<Span> = edges.iter().map(|ends| box_around(&ends.map(at), 0.5 * reach)).collect();
+    let of_triangles: Vec<Span> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
     let (mut pairs, mut room) = (Vec::new(), ROOM * triangles.len());
     let mut add = |corners: [u32; 4], weights: [f64; 4]| {
         let apart: DVec3 = corners.iter().zip(weights).map(|(&vertex, weight)| at(vertex) * weight).sum();

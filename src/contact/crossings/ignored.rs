@@ -30,7 +30,7 @@ pub(crate) struct IgnoredPairs {
 }
 
 impl IgnoredPairs {
-    /// Searches for intersections with bodies and, if they touch, of the cloth with itself.
+    /// Searches for all intersections: of the cloth with bodies and, if it has contact with itself, of the cloth with itself.
     pub(crate) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
         let found = features(surface, x).crossings(|a, b| surface.may_collide(a, b));
         self.take(found, surface);
@@ -46,7 +46,7 @@ impl IgnoredPairs {
             return false;
         }
         let known = self.crossings.iter().flat_map(|&pair| corners(pair, surface));
-        let [_, triangles] = around(surface, known.chain(vertices.iter().copied()).collect());
+        let [_, triangles] = neighborhood(surface, known.chain(vertices.iter().copied()).collect());
         let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
         let (triangles, edges) = (Vec::from_iter(triangles), Vec::from_iter(edges));
         let features = Features {
@@ -108,12 +108,12 @@ impl IgnoredPairs {
             with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
         }
         self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
-        let [near, _] = around(surface, self.crossings.iter().flat_map(|&pair| corners(pair, surface)).collect());
+        let [near, _] = neighborhood(surface, self.crossings.iter().flat_map(|&pair| corners(pair, surface)).collect());
         self.entangled = Vec::from_iter(near);
     }
 
     /// Intersections of the cloth with itself, given by vertices, and what has moved through itself in this step.
-    pub(crate) fn of_cloth(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
+    pub(crate) fn own_crossings(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
         let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
         let crossing = |(edge, triangle)| Crossing { edge, triangle };
         self.all(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
@@ -148,7 +148,7 @@ impl IgnoredPairs {
 fn kinematic_features(surface: &Surface, x: &[Vec4]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
     let is_kinematic = |vertices: &[u32]| vertices.iter().all(|&vertex| x[vertex as usize].w == 0.0);
     // They are all around the pins, which are few.
-    let pins = (0..surface.of_cloth().min(x.len()) as u32).filter(|vertex| is_kinematic(&[*vertex]));
+    let pins = (0..surface.cloth_vertices().min(x.len()) as u32).filter(|vertex| is_kinematic(&[*vertex]));
     let mut triangles: Vec<u32> = pins.flat_map(|vertex| surface.at.of(vertex)).copied().collect();
     let mut edges: Vec<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
     edges.retain(|&edge| is_kinematic(&surface.edges[edge as usize]));
@@ -164,14 +164,14 @@ fn kinematic_features(surface: &Surface, x: &[Vec4]) -> (Vec<[u32; 2]>, Vec<[u32
 
 /// The edges (if `with_edges`) and triangles of bodies that may reach into a box, given by vertices.
 fn bodies_within(surface: &Surface, x: &[Vec4], [low, high]: [Vec3; 2], with_edges: bool) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
-    let cloth = surface.of_cloth();
+    let cloth = surface.cloth_vertices();
     // For each vertex a bit for each side of the box that it is beyond. A feature with all of its vertices beyond the same side
     // does not reach into the box.
     let beyond = |at: &Vec4| at.truncate().cmplt(low).bitmask() | at.truncate().cmpgt(high).bitmask() << 3;
     let beyond: Vec<u32> = x.get(cloth..).unwrap_or_default().iter().map(beyond).collect();
     let may_reach = |vertices: &[u32]| vertices.iter().fold(u32::MAX, |all, &vertex| all & beyond[vertex as usize - cloth]) == 0;
-    let of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
-    let edges = &surface.edges[surface.edges.partition_point(|ends| of_cloth(ends))..];
+    let is_of_cloth = |vertices: &[u32]| surface.owner[vertices[0] as usize] == 0;
+    let edges = &surface.edges[surface.edges.partition_point(|ends| is_of_cloth(ends))..];
     let edges = edges.iter().filter(|ends| with_edges && may_reach(*ends)).copied();
     let triangles = &surface.triangles[surface.cloth_triangles()..];
     let triangles = triangles.iter().filter(|corners| may_reach(*corners)).copied();
@@ -179,7 +179,7 @@ fn bodies_within(surface: &Surface, x: &[Vec4], [low, high]: [Vec3; 2], with_edg
 }
 
 /// The vertices and triangles in some rings around vertices.
-fn around(surface: &Surface, mut vertices: BTreeSet<u32>) -> [BTreeSet<u32>; 2] {
+fn neighborhood(surface: &Surface, mut vertices: BTreeSet<u32>) -> [BTreeSet<u32>; 2] {
     let mut triangles = BTreeSet::new();
     for _ in 0..RINGS {
         triangles = vertices.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
@@ -201,5 +201,5 @@ fn by_vertices([edge, triangle]: [u32; 2], surface: &Surface) -> ([u32; 2], [u32
 
 fn features<'a>(surface: &'a Surface, x: &'a [Vec4]) -> Features<'a> {
     let Surface { edges, triangles, thickness, .. } = surface;
-    Features { edges, triangles, x, of_cloth: surface.of_cloth(), thickness: *thickness }
+    Features { edges, triangles, x, cloth_vertices: surface.cloth_vertices(), thickness: *thickness }
 }

@@ -15,10 +15,10 @@ mod touches;
 
 use glam::{DVec3, Vec4};
 
-use super::crossings::overlaps::{around, for_overlaps};
+use super::crossings::overlaps::{box_around, for_overlaps};
 
 /// Distances below this multiple of the thickness count as zero.
-const TOUCHING: f64 = 1e-4;
+const TOUCH_SHARE: f64 = 1e-4;
 /// The vectors by which vertices are moved, relative to the largest coordinate: against the normal, and at random.
 const OFFSET: f64 = 1.0 / (1_u64 << 36) as f64;
 const NOISE: f64 = OFFSET / 64.0;
@@ -30,9 +30,9 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 21) as f64;
 pub(crate) struct Features<'a> {
     pub edges: &'a [[u32; 2]],
     pub triangles: &'a [[u32; 3]],
-    /// The positions (m) of the vertices. Those of mesh colliders follow the cloth's, from index `of_cloth` on.
+    /// The positions (m) of the vertices. Those of mesh colliders follow the cloth's, from index `cloth_vertices` on.
     pub x: &'a [Vec4],
-    pub of_cloth: usize,
+    pub cloth_vertices: usize,
     /// The thickness (m) of the cloth.
     pub thickness: f32,
 }
@@ -40,7 +40,7 @@ pub(crate) struct Features<'a> {
 impl Features<'_> {
     /// The distance (m) below which features touch: a small share of the thickness, or what rounding may be.
     pub(crate) fn touching(&self) -> f64 {
-        (TOUCHING * f64::from(self.thickness)).max(ROUNDING * self.extent())
+        (TOUCH_SHARE * f64::from(self.thickness)).max(ROUNDING * self.extent())
     }
 
     fn extent(&self) -> f64 {
@@ -51,8 +51,8 @@ impl Features<'_> {
     /// Whether boxes around an edge and a triangle that may meet overlap or touch. Where none do, nothing intersects.
     pub(crate) fn are_close(&self, may_collide: impl Fn(u32, u32) -> bool) -> bool {
         let (at, touching) = (|vertex: u32| self.x[vertex as usize].truncate().as_dvec3(), self.touching());
-        let of_edges: Vec<_> = self.edges.iter().map(|ends| around(&ends.map(at), touching)).collect();
-        let of_triangles: Vec<_> = self.triangles.iter().map(|corners| around(&corners.map(at), touching)).collect();
+        let of_edges: Vec<_> = self.edges.iter().map(|ends| box_around(&ends.map(at), touching)).collect();
+        let of_triangles: Vec<_> = self.triangles.iter().map(|corners| box_around(&corners.map(at), touching)).collect();
         let mut are_close = false;
         for_overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, |edge, triangle| {
             let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
@@ -73,10 +73,10 @@ impl Features<'_> {
             let [a, b, c] = corners.map(|vertex| x[vertex as usize]);
             corners.iter().for_each(|&vertex| normals[vertex as usize] += (b - a).cross(c - a));
         }
-        let (extent, count) = (self.extent(), self.of_cloth.max(1) as f64);
+        let (extent, count) = (self.extent(), self.cloth_vertices.max(1) as f64);
         for (vertex, (x, normal)) in x.iter_mut().zip(&mut normals).enumerate() {
             *normal = normal.normalize_or_zero();
-            let share = if vertex < self.of_cloth { 2.0 - vertex as f64 / count } else { 3.0 };
+            let share = if vertex < self.cloth_vertices { 2.0 - vertex as f64 / count } else { 3.0 };
             let random = DVec3::from_array([0, 1, 2].map(|axis| random(3 * vertex as u32 + axis)));
             *x += extent * (NOISE * random - OFFSET * share * *normal);
         }
@@ -101,8 +101,8 @@ pub(crate) fn pierced(
     may_collide: impl Fn(u32, u32) -> bool,
 ) -> Vec<[u32; 2]> {
     let at = |vertex: u32| x[vertex as usize];
-    let of_edges: Vec<_> = edges.iter().map(|ends| around(&ends.map(at), 0.0)).collect();
-    let of_triangles: Vec<_> = triangles.iter().map(|corners| around(&corners.map(at), 0.0)).collect();
+    let of_edges: Vec<_> = edges.iter().map(|ends| box_around(&ends.map(at), 0.0)).collect();
+    let of_triangles: Vec<_> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
     let mut found = Vec::new();
     for_overlaps(&of_edges, &of_triangles, room, |edge, triangle| {
         let (ends, corners) = (edges[edge], triangles[triangle]);

@@ -12,7 +12,7 @@ const FEW: u64 = 256;
 const WORTH: f64 = 0.9;
 
 /// The box around some points, enlarged by `by` (m).
-pub(crate) fn around(points: &[DVec3], by: f64) -> Span {
+pub(crate) fn box_around(points: &[DVec3], by: f64) -> Span {
     let [low, high] = points.iter().fold(NOTHING, |[low, high], &x| [low.min(x), high.max(x)]);
     [low - by, high + by]
 }

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::contours::contours;
-use super::overlaps::{around, overlap};
+use super::overlaps::{box_around, overlap};
 use super::{Features, pierced};
 
 /// Length of the moves, in units of the distance that counts as touching.
@@ -87,7 +87,7 @@ impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
     fn is_tiny(&self, crossing: [u32; 2]) -> bool {
         let (ends, corners) = self.vertices(crossing);
         let is_tiny = |vertices: &[u32]| {
-            let [low, high] = around(&vertices.iter().map(|&vertex| self.x[vertex as usize]).collect::<Vec<_>>(), 0.0);
+            let [low, high] = box_around(&vertices.iter().map(|&vertex| self.x[vertex as usize]).collect::<Vec<_>>(), 0.0);
             (high - low).max_element() < self.touching
         };
         is_tiny(&ends) || is_tiny(&corners)
@@ -114,8 +114,8 @@ impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
         }
         // First the side that is moved in front of the other: see `Features::in_general_position`.
         let (ends, corners) = self.vertices(contour[0].0);
-        let is_first = (corners[0] as usize) >= self.features.of_cloth
-            || (ends[0] as usize) < self.features.of_cloth && ends[0] > corners[0];
+        let is_first = (corners[0] as usize) >= self.features.cloth_vertices
+            || (ends[0] as usize) < self.features.cloth_vertices && ends[0] > corners[0];
         for (side, way) in [(is_first, 1.0), (is_first, -1.0), (!is_first, 1.0), (!is_first, -1.0)] {
             let moves = contour.iter().map(|&(crossing, is_edge)| (crossing, is_edge == (contour[0].1 == side))).collect();
             if let Some((moved, x)) = self.parted(moves, way) {
@@ -163,11 +163,14 @@ impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
         let at = |vertex: u32| x[vertex as usize];
         let Features { edges, triangles, .. } = self.features;
         let corners = triangles.iter().filter(|corners| is_moved(*corners)).flatten().map(|&vertex| at(vertex));
-        let place = around(&corners.collect::<Vec<_>>(), 0.0);
+        let place = box_around(&corners.collect::<Vec<_>>(), 0.0);
         let near_edges: Vec<u32> =
-            (0..).zip(edges).filter(|(_, ends)| overlap(&around(&ends.map(at), 0.0), &place)).map(|(edge, _)| edge).collect();
-        let near_triangles: Vec<u32> =
-            (0..).zip(triangles).filter(|(_, corners)| overlap(&around(&corners.map(at), 0.0), &place)).map(|(t, _)| t).collect();
+            (0..).zip(edges).filter(|(_, ends)| overlap(&box_around(&ends.map(at), 0.0), &place)).map(|(edge, _)| edge).collect();
+        let near_triangles: Vec<u32> = (0..)
+            .zip(triangles)
+            .filter(|(_, corners)| overlap(&box_around(&corners.map(at), 0.0), &place))
+            .map(|(t, _)| t)
+            .collect();
         let ends: Vec<[u32; 2]> = near_edges.iter().map(|&edge| edges[edge as usize]).collect();
         let corners: Vec<[u32; 3]> = near_triangles.iter().map(|&triangle| triangles[triangle as usize]).collect();
         let found = pierced(&ends, &corners, x, room, self.may_collide);

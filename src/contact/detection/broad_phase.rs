@@ -14,7 +14,7 @@ pub(crate) const TRIANGLES: usize = 0;
 pub(crate) const EDGES: usize = 1;
 pub(crate) const VERTICES: usize = 2;
 /// Marks the second feature of pairs in leaves that are close to each other at rest, too.
-pub(crate) const BESIDE: u32 = 1 << 31;
+pub(crate) const CLOSE_AT_REST: u32 = 1 << 31;
 
 /// Finds pairs of features of two leaves, or of one, whose boxes are within reach.
 pub(crate) struct Candidates<'a> {
@@ -39,7 +39,7 @@ impl Loop for Candidates<'_> {
             let (of_a, of_b) = (&cloth.leaves, &others.leaves);
             let [a, b] = [a as usize, b as usize];
             let is_one = is_own && a == b;
-            let mark = if is_own && cloth.are_beside([a, b], 2.0 * scope.thickness) { BESIDE } else { 0 };
+            let mark = if is_own && cloth.are_beside([a, b], 2.0 * scope.thickness) { CLOSE_AT_REST } else { 0 };
             let within = Within { places: [one.place, other.place], reach, mark };
             pierce::<L>(surface, boxes, [of_a.vertices_of(a), of_b.triangles_of(b)], within, vertex_triangle);
             if !is_one {

@@ -224,9 +224,9 @@ impl Detection {
         let DetectionInput { surface, path, .. } = *input;
         let middle = &self.middle;
         let [of_triangles, of_edges, of_vertices] = &mut self.boxes;
-        of_triangles.bound(triangles, path.workers, |item| around(middle, &surface.triangles[item]));
-        of_edges.bound(edges, path.workers, |item| around(middle, &surface.edges[item]));
-        of_vertices.bound(vertices, path.workers, |item| around(middle, &surface.order[item..=item]));
+        of_triangles.bound(triangles, path.workers, |item| box_around(middle, &surface.triangles[item]));
+        of_edges.bound(edges, path.workers, |item| box_around(middle, &surface.edges[item]));
+        of_vertices.bound(vertices, path.workers, |item| box_around(middle, &surface.order[item..=item]));
     }
 }
 
@@ -246,7 +246,7 @@ fn midpoint(path: Path<'_>, scope: DetectionScope, vertex: usize) -> Vec4 {
 }
 
 /// The box around everything that some vertices may stray to from the midpoints of their paths.
-fn around(middle: &[Vec4], vertices: &[u32]) -> [Vec3A; 2] {
+fn box_around(middle: &[Vec4], vertices: &[u32]) -> [Vec3A; 2] {
     vertices.iter().fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[low, high], &vertex| {
         let (y, margin) = (xyz(middle[vertex as usize]), Vec3A::splat(middle[vertex as usize].w));
         [low.min(y - margin), high.max(y + margin)]

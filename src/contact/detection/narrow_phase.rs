@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::broad_phase::BESIDE;
+use super::broad_phase::CLOSE_AT_REST;
 use super::tree::DetectionScope;
 use crate::contact::surface::lanes::{corners_of, store, whole_corners_of};
 use crate::contact::surface::pairs::{Kind, Listed, between, closest, corners, square};
@@ -28,7 +28,7 @@ impl Loop for NarrowPhase<'_> {
         let thickness = scope.thickness;
         let half = L::splat(0.5 * scope.substeps);
         for group in near.chunks(L::LANES) {
-            let of = |[first, second]: [u32; 2]| corners(surface, kind, [first, second & !BESIDE]);
+            let of = |[first, second]: [u32; 2]| corners(surface, kind, [first, second & !CLOSE_AT_REST]);
             let mut places = [of(group[0]); MAX_LANES];
             places.iter_mut().zip(group).for_each(|(place, &pair)| *place = of(pair));
             let ((y, [a, b, c, d]), u) = (whole_corners_of::<L>(middle, &places), corners_of::<L>(u, &places));
@@ -51,18 +51,19 @@ impl Loop for NarrowPhase<'_> {
             }
             let (mut lefts, mut at_rest) = ([0.0; MAX_LANES], [f32::INFINITY; MAX_LANES]);
             store(&mut lefts, left);
-            if group.iter().any(|[_, second]| second & BESIDE != 0) {
+            if group.iter().any(|[_, second]| second & CLOSE_AT_REST != 0) {
                 let x = corners_of::<L>(&surface.rest, &places);
                 let apart = between(closest(kind, x), x);
                 store(&mut at_rest, apart.dot(apart).sqrt());
             }
             for lane in Bits(close.into()) {
                 let ([first, second], corners) = (group[lane], places[lane]);
-                let together = second & BESIDE != 0 && surface.piece[corners[0] as usize] == surface.piece[corners[3] as usize];
+                let together =
+                    second & CLOSE_AT_REST != 0 && surface.piece[corners[0] as usize] == surface.piece[corners[3] as usize];
                 let thickness =
                     if together { thickness.min((0.5 * at_rest[lane]).max(LEAST_HELD * thickness)) } else { thickness };
                 if lefts[lane] < thickness {
-                    listed.push((first, Listed { corners, other: second & !BESIDE, thickness }));
+                    listed.push((first, Listed { corners, other: second & !CLOSE_AT_REST, thickness }));
                 }
             }
         }

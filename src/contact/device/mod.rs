@@ -30,13 +30,13 @@ pub(crate) const MARK: u32 = 1 << 31;
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
 #[derive(Debug)]
 pub(crate) struct HostContact {
-    surface: Surface,
-    bodies: Bodies,
+    pub surface: Surface,
+    pub bodies: Bodies,
     /// Number of all vertices.
     vertices: usize,
     /// Known intersections. Others may be anywhere if `may_cross` is set, and around the vertices of pairs that were
     /// `pinched` in the last step.
-    ignored: IgnoredPairs,
+    pub ignored: IgnoredPairs,
     may_cross: bool,
     pinched: Vec<u32>,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
@@ -97,21 +97,6 @@ impl HostContact {
         Some((contact, params, table))
     }
 
-    /// Number of triangles of the cloth.
-    pub(crate) fn cloth_triangles(&self) -> usize {
-        self.surface.cloth_triangles()
-    }
-
-    /// Whether a step can go on with these mesh colliders.
-    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
-        self.bodies.are(meshes)
-    }
-
-    /// Whether it can go on from a saved state.
-    pub(crate) fn may_have(&self, past: &ContactPast) -> bool {
-        self.bodies.are_numbered_for(past.numbered.iter())
-    }
-
     /// Begins a step; `friction` is that of the cloth with itself. Returns whether a mesh collider starts elsewhere than
     /// where the last step left it.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
@@ -143,15 +128,6 @@ impl HostContact {
             CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.surface.thickness).unwrap_or_default();
         let [x, y, z, center, by] = turning.columns();
         [x, y, z, center, by / fraction]
-    }
-
-    /// Whether no mesh collider moves in this step.
-    pub(crate) fn meshes_rest(&self) -> bool {
-        self.bodies.are_still
-    }
-
-    pub(crate) fn has_self_contact(&self) -> bool {
-        self.surface.has_self_contact
     }
 
     /// Discards what depends on the state, because it was replaced.
@@ -221,11 +197,6 @@ impl HostContact {
         self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
-    /// The vertices that are not carried by what runs over them, sorted.
-    pub(crate) fn entangled(&self) -> &[u32] {
-        &self.ignored.entangled
-    }
-
     /// Whether cloth may have been pinched in the last step.
     pub(crate) fn is_pinched(&self) -> bool {
         self.may_cross || !self.pinched.is_empty()
@@ -245,15 +216,10 @@ impl HostContact {
         x
     }
 
-    /// Ignored pairs of a vertex and a triangle, and of two edges.
-    pub(crate) fn ignored(&self) -> &[Vec<[u32; 2]>; 2] {
-        self.ignored.pairs()
-    }
-
     /// Intersections found by the last search: of the cloth with itself, given by vertices, and for each one with a
     /// mesh collider the index of that.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        (self.ignored.of_cloth(&self.surface).collect(), self.ignored.with_bodies(&self.surface).collect())
+        (self.ignored.own_crossings(&self.surface).collect(), self.ignored.with_bodies(&self.surface).collect())
     }
 
     /// Converts the state to the form that both backends save.

@@ -176,7 +176,7 @@ impl Surface {
     }
 
     /// The index of the first vertex of bodies, or the number of vertices.
-    pub(crate) fn of_cloth(&self) -> usize {
+    pub(crate) fn cloth_vertices(&self) -> usize {
         self.owner.iter().position(|&owner| owner > 0).unwrap_or(self.owner.len())
     }
 

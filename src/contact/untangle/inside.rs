@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A};
 use super::Tangle;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::vertex_triangle;
-use crate::model::mesh::{Mesh, is_proper};
+use crate::model::mesh::{Mesh, bounds, is_proper};
 use crate::simd::Vector;
 
 /// Largest distance (relative to the extent of the body) of vertices that count as one.
@@ -17,12 +17,7 @@ const SEAM: f32 = 1e-5;
 /// Whether a body has an inside: each side of each triangle is a side of exactly one other triangle, in the opposite
 /// direction. Vertices at the same place count as one, because many meshes have seams.
 pub(crate) fn is_closed(body: &Mesh) -> bool {
-    let mut names = HashMap::new();
-    let [low, high] = body.bounds();
-    let cell = (SEAM * (high - low).max_element()).max(f32::MIN_POSITIVE);
-    let name_of =
-        |(vertex, x): (u32, &Vec3)| *names.entry(((x - low) / cell).round().to_array().map(|x| x as i32)).or_insert(vertex);
-    let names: Vec<u32> = (0..).zip(&body.positions).map(name_of).collect();
+    let names = joined(&body.positions);
     let corners = body.triangles.iter().map(|triangle| triangle.map(|vertex| names[vertex as usize]));
     let proper = corners.filter(is_proper);
     let mut sides: Vec<[u32; 2]> = proper.flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
@@ -32,13 +27,33 @@ pub(crate) fn is_closed(body: &Mesh) -> bool {
     !sides.is_empty() && sides == back && sides.windows(2).all(|two| two[0] != two[1])
 }
 
+/// For each vertex the first that is at the same place, within [`SEAM`].
+fn joined(positions: &[Vec3]) -> Vec<u32> {
+    let [low, high] = bounds(positions);
+    let seam = (SEAM * (high - low).max_element()).max(f32::MIN_POSITIVE);
+    // Cells that are wider than a seam: what is near to a vertex is mostly in its own.
+    let cell_of = |x: Vec3| ((x - low) / (4.0 * seam)).floor().to_array().map(|x| x as i32);
+    let mut cells: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
+    let name_of = |(vertex, &x): (u32, &Vec3)| {
+        let [from, to] = [cell_of(x - seam), cell_of(x + seam)];
+        let near = (from[0]..=to[0]).flat_map(|i| (from[1]..=to[1]).flat_map(move |j| (from[2]..=to[2]).map(move |k| [i, j, k])));
+        let firsts = near.filter_map(|cell| cells.get(&cell)).flatten();
+        let first = firsts.copied().filter(|&first| positions[first as usize].distance(x) <= seam).min();
+        first.unwrap_or_else(|| {
+            cells.entry(cell_of(x)).or_default().push(vertex);
+            vertex
+        })
+    };
+    (0..).zip(positions).map(name_of).collect()
+}
+
 /// Moves vertices that are inside a body to the nearest point of its surface, and beyond it by the thickness. Returns
 /// their number.
 pub(crate) fn leave(tangle: &mut Tangle, bodies: &[&Mesh]) -> usize {
     let (mut count, thickness) = (0, tangle.thickness);
     for body in bodies {
         let [low, high] = body.bounds();
-        for x in tangle.x[..tangle.of_cloth].iter_mut().filter(|x| x.w > 0.0) {
+        for x in tangle.x[..tangle.cloth_vertices].iter_mut().filter(|x| x.w > 0.0) {
             let point = x.truncate();
             if point.cmpge(low).all() && point.cmple(high).all() && is_inside(body, xyz(*x)) {
                 let surface = nearest(body, xyz(*x));
@@ -63,8 +78,8 @@ fn is_inside(body: &Mesh, point: Vec3A) -> bool {
         let (la, lb, lc) = (a.length(), b.length(), c.length());
         2.0 * a.dot(b.cross(c)).atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
     };
-    let around: f32 = body.triangles.iter().map(angle).sum();
-    around.abs() > 2.0 * PI
+    let solid_angle: f32 = body.triangles.iter().map(angle).sum();
+    solid_angle.abs() > 2.0 * PI
 }
 
 /// The point of the surface that is nearest to another point.
@@ -76,5 +91,9 @@ fn nearest(body: &Mesh, point: Vec3A) -> Vec3A {
         a * -of_a + b * -of_b + c * -of_c
     };
     let points = body.triangles.iter().map(on);
-    points.min_by(|a, b| a.distance_squared(point).total_cmp(&b.distance_squared(point))).unwrap_or(Vec3A::from(Vec3::ZERO))
+    points.min_by(|a, b| a.distance_squared(point).total_cmp(&b.distance_squared(point))).unwrap_or(Vec3A::ZERO)
 }
+
+#[cfg(test)]
+#[path = "../../../tests/unit/contact_inside.rs"]
+mod tests;

@@ -41,7 +41,7 @@ struct Tangle {
     /// Positions (m) of the cloth's vertices, then of the bodies'; `w` is 1 if the vertex may be moved, otherwise 0.
     x: Vec<Vec4>,
     /// Number of the cloth's vertices.
-    of_cloth: usize,
+    cloth_vertices: usize,
     triangles: Vec<[u32; 3]>,
     edges: Vec<[u32; 2]>,
     /// The triangles at each edge.
@@ -62,14 +62,14 @@ impl Tangle {
         }
         let edges = edges(&triangles);
         let at_edges = triangles_at(&edges, &triangles, &EdgeIndex::new(&edges, all.len()));
-        Tangle { x: all, of_cloth: x.len(), triangles, edges, at_edges, thickness }
+        Tangle { x: all, cloth_vertices: x.len(), triangles, edges, at_edges, thickness }
     }
 
     /// The crossings: an edge and a triangle each, at least one of which belongs to the cloth.
     fn crossings(&self) -> Vec<[u32; 2]> {
-        let is_cloth = |vertex: u32| (vertex as usize) < self.of_cloth;
-        let Tangle { edges, triangles, x, of_cloth, thickness, .. } = self;
-        let features = Features { edges, triangles, x, of_cloth: *of_cloth, thickness: *thickness };
+        let is_cloth = |vertex: u32| (vertex as usize) < self.cloth_vertices;
+        let Tangle { edges, triangles, x, cloth_vertices, thickness, .. } = self;
+        let features = Features { edges, triangles, x, cloth_vertices: *cloth_vertices, thickness: *thickness };
         features.crossings(|a, b| is_cloth(a) || is_cloth(b))
     }
 

@@ -40,7 +40,7 @@ impl GpuContact {
             bound_meshes.dispatch(pass, group, &[], self.params.mesh_vertices());
         }
         // Mesh colliders that stand still are put in place once.
-        let meshes_move = index == 0 || (!self.on_cpu.meshes_rest() && (may_detect || response > Response::None));
+        let meshes_move = index == 0 || (!self.on_cpu.bodies.are_still && (may_detect || response > Response::None));
         begin_contact.dispatch(pass, group, &[], if meshes_move { self.params.all_vertices as usize } else { self.vertices });
         if may_detect || response == Response::Full {
             let decide = if may_detect { &stages.decide } else { &stages.decide_between };

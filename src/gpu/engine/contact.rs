@@ -39,7 +39,7 @@ impl GpuEngine {
         meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
     ) -> Result<Option<Replaced>, GpuFault> {
         let is_wanted = contact.is_some() || meshes.len() > 0;
-        let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.on_cpu.is_of(meshes.clone()));
+        let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.on_cpu.bodies.are(meshes.clone()));
         if is_there {
             return Ok(None);
         }
@@ -79,7 +79,9 @@ impl GpuEngine {
             return Ok(past.is_none());
         }
         let gpu = self.gpu.clone();
-        let may_have = |past| self.contact.as_ref().is_some_and(|contact| contact.on_cpu.may_have(past));
+        let may_have = |past: &ContactPast| {
+            self.contact.as_ref().is_some_and(|contact| contact.on_cpu.bodies.are_numbered_for(past.numbered.iter()))
+        };
         let replaced = match past {
             Some(past) if may_have(past) => None,
             Some(past) => {

@@ -21,7 +21,7 @@ use crate::simd::{Bits, MAX_LANES, Registers, Vector};
 
 /// A vertex counts as above a side or a corner, too, if it is beyond by an angle of at most this (rad): rounding must not leave it
 /// beside all triangles.
-pub(crate) const BESIDE: f32 = 0.01;
+pub(crate) const ABOVE_ANGLE: f32 = 0.01;
 /// Edges run alongside each other if the squared sine of the angle between them is less than this. Only such pairs are tested: the
 /// common perpendicular of others is tilted by little, and cloth that is squeezed on a body would lose hold of it.
 pub(crate) const ALONGSIDE: f32 = 0.01;
@@ -96,7 +96,7 @@ impl Around<'_> {
         // Most ways lead off, which needs no lengths.
         let is_above = |apart: Vec3A, way: Vec3A| {
             let along = apart.dot(way);
-            along <= 0.0 || along <= BESIDE * apart.length() * way.length()
+            along <= 0.0 || along <= ABOVE_ANGLE * apart.length() * way.length()
         };
         if !self.triangles_at(vertex).flatten().all(|other| is_above(-apart, at(other) - at(vertex))) {
             return false;
@@ -124,5 +124,5 @@ pub(crate) fn run_alongside<L: Registers>([a, b, c, d]: [Vector<L>; 4]) -> L::Ma
 #[inline(always)]
 fn beyond<L: Registers>(direction: Vector<L>, edge: Vector<L>, way: Vector<L>) -> L {
     let across = way - edge * (way.dot(edge) / edge.dot(edge).max(L::splat(1e-30)));
-    L::select((across.length() * L::splat(BESIDE)).lt(direction.dot(across)), L::splat(1.0), L::splat(0.0))
+    L::select((across.length() * L::splat(ABOVE_ANGLE)).lt(direction.dot(across)), L::splat(1.0), L::splat(0.0))
 }
