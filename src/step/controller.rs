@@ -13,6 +13,8 @@ pub(crate) const FEWEST_SUBSTEPS: f64 = 5.0;
 const FALL: f64 = 0.8;
 /// The load is steady if its stress changes by less than this share in a step.
 const STEADY: f64 = 0.02;
+/// A number of substeps to which it fell is too small for the load if it rises again within this time (s).
+const TRIED: f32 = 0.1;
 /// A strain this small counts as zero; also the lower bound of the factor.
 const NOTHING: f64 = 1e-9;
 
@@ -110,16 +112,31 @@ pub(crate) struct Controller {
     known_for: f32,
     /// The load's stress (N/m) in the last step.
     stress: f64,
+    /// The largest number of substeps that was too small as soon as it was fallen to, while `own` is known; 0 if none was.
+    too_few: f64,
+    /// Time (s) since the number fell.
+    fallen_for: f32,
     /// The number of levels that [`Rates::levels`] chose for the last step; [`u32::MAX`] before the first.
     levels: u32,
 }
 
-recorded!(Controller { factor, count, low, longest, own, known_for, stress, levels });
+recorded!(Controller { factor, count, low, longest, own, known_for, stress, too_few, fallen_for, levels });
 
 impl Default for Controller {
     fn default() -> Controller {
         let factor = Caution::PROMPT.first_factor;
-        Controller { factor, count: 0.0, low: 0.0, longest: 0.0, own: 0.0, known_for: 0.0, stress: 0.0, levels: u32::MAX }
+        Controller {
+            factor,
+            count: 0.0,
+            low: 0.0,
+            longest: 0.0,
+            own: 0.0,
+            known_for: 0.0,
+            stress: 0.0,
+            too_few: 0.0,
+            fallen_for: 0.0,
+            levels: u32::MAX,
+        }
     }
 }
 
@@ -129,7 +146,9 @@ impl Controller {
     ///
     /// Each rise shortens all edges that are stretched, which kicks the cloth. So under a steady load the number stays while
     /// the stretch is between the aim and [`Caution::most`]: otherwise it falls and rises for ever where cloth hangs at rest,
-    /// which then never does rest (`cloth_at_rest_keeps_its_substeps`).
+    /// which then never does rest (`cloth_at_rest_keeps_its_substeps`). And cloth that is held stretched may depend on the number more
+    /// steeply than the law says, so that one is too few and the next leaves nothing to correct. As long as it is held, the number
+    /// does not fall to that one again (`cloth_that_is_held_stretched_keeps_its_substeps`).
     pub(crate) fn next(
         &self,
         rates: &Rates,
@@ -142,13 +161,20 @@ impl Controller {
         let asked_at = |aim| Controller { factor, ..*self }.asked(rates, cloth, (strain_bound, Caution { aim, ..caution }), load);
         let (asked, low, stress) = (asked_at(caution.aim), self.low + dt, load.stress(cloth));
         let is_steady = load.is_calm(cloth) && (stress - self.stress).abs() < STEADY * self.stress;
+        let too_few = match asked > self.count && self.fallen_for < TRIED {
+            _ if self.own == 0.0 => 0.0,
+            true => self.too_few.max(self.count),
+            false => self.too_few,
+        };
+        let fallen = asked.max(caution.rounded_up(FALL * self.count)).min(self.count);
         let (count, low) = match f64::from(low) > caution.patience {
             _ if asked >= self.count && is_steady && asked_at(caution.most) <= self.count => (self.count, 0.0),
             _ if asked >= self.count => (asked, 0.0),
-            true => (asked.max(caution.rounded_up(FALL * self.count)).min(self.count), 0.0),
-            false => (self.count, low),
+            true if fallen > too_few => (fallen, 0.0),
+            _ => (self.count, low),
         };
-        Controller { factor, count, low, stress, ..*self }
+        let fallen_for = if count < self.count { 0.0 } else { self.fallen_for + dt };
+        Controller { factor, count, low, stress, too_few, fallen_for, ..*self }
     }
 
     /// Substeps in 1/60 s of the step that this state is for.
