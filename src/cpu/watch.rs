@@ -66,8 +66,8 @@ impl VertexWatch {
         }
     }
 
-    /// The most severe defect, if there is any, given the state at the end of step number `step`.
-    pub(crate) fn verdict(self, cloth: &Cloth, params: &Params, step: u32, x: &[Vec4], u: &[Vec4]) -> Option<Defect> {
+    /// The most severe defect, if there is any, given the state at the end of a step that follows this many `steps`.
+    pub(crate) fn verdict(self, cloth: &Cloth, params: &Params, steps: u32, x: &[Vec4], u: &[Vec4]) -> Option<Defect> {
         let lost = self.lost.into_inner();
         if lost < usize::MAX {
             return Some(Defect::Lost(lost));
@@ -86,16 +86,16 @@ impl VertexWatch {
         {
             return Some(Defect::Energy(first));
         }
-        overlong(cloth, params.longest_edge, step, x).map(Defect::Edge)
+        overlong(cloth, params.longest_edge, steps, x).map(Defect::Edge)
     }
 }
 
 /// The first edge that is longer than `longest` (m). Each step looks at another part of the edges, 1 in [`TURNS`] but at
 /// least [`FEWEST_CHECKED`]: parts of a cloth may be far from each other for good.
-fn overlong(cloth: &Cloth, longest: f32, step: u32, x: &[Vec4]) -> Option<usize> {
+fn overlong(cloth: &Cloth, longest: f32, steps: u32, x: &[Vec4]) -> Option<usize> {
     let edges = cloth.swept();
     let each = edges.len().div_ceil(TURNS).max(FEWEST_CHECKED);
-    let first = step as usize % edges.len().div_ceil(each).max(1) * each;
+    let first = steps as usize % edges.len().div_ceil(each).max(1) * each;
     // An edge without stiffness may have any length.
     let mut part = edges.iter().enumerate().skip(first).take(each).filter(|(_, edge)| cloth.stiffness(edge) > 0.0);
     let is_overlong = |ends: [u32; 2]| is_long(xyz(x[ends[0] as usize]) - xyz(x[ends[1] as usize]), longest);

@@ -77,7 +77,7 @@ impl Deformer {
                 let fitting = self.pace.fitting(1e-3 * f64::from(time), self.controller.count() * steps);
                 let most = most(&self.rates, &self.cloth);
                 // With fewer, cloth is stretched so far that contact takes longer, not less.
-                let weight = self.cloth.density * load.gravity * self.cloth.extent;
+                let weight = load.weight(&self.cloth);
                 let taut = (self.rates.keeping(weight, TAUT) / SIXTIETHS).clamp(FEWEST_SUBSTEPS, most);
                 let least = if has_contact { taut } else { 1.0 };
                 self.controller

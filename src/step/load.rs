@@ -105,9 +105,14 @@ impl Load {
         cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)
     }
 
+    /// The membrane stress (N/m) by gravity alone.
+    pub(crate) fn weight(&self, cloth: &Cloth) -> f64 {
+        cloth.density * self.gravity * cloth.extent
+    }
+
     /// Whether what moves adds less than a third to the stress of gravity.
     pub(crate) fn is_calm(&self, cloth: &Cloth) -> bool {
-        self.stress_without_wind(cloth) < 1.3 * cloth.density * self.gravity * cloth.extent
+        self.stress_without_wind(cloth) < 1.3 * self.weight(cloth)
     }
 
     /// The term that contributes most to the stress.
