@@ -201,7 +201,7 @@ impl Deformer {
         if let (Some(start), Ok(_)) = (start, &stepped) {
             self.pace.note(start.elapsed().as_secs_f64(), decision.division.substeps);
         }
-        self.finish(stepped, decision, attributes)
+        self.finish(stepped, &decision, attributes)
     }
 
     /// Advances several cloths by `dt` (s), each with its own attributes:
@@ -244,7 +244,7 @@ impl Deformer {
         let mut stepped = Engine::step_all(plans.collect()).into_iter();
         let each = crowd.into_iter().zip(prepared);
         each.map(|((one, attributes), prepared)| match prepared? {
-            Some(decision) => one.finish(stepped.next().unwrap_or(Ok(None)), decision, attributes),
+            Some(decision) => one.finish(stepped.next().unwrap_or(Ok(None)), &decision, attributes),
             None => Ok(idle(dt)),
         })
         .collect()
@@ -340,7 +340,7 @@ impl Deformer {
     fn finish(
         &mut self,
         stepped: Result<Option<Statistics>, Failure>,
-        decision: StepDecision,
+        decision: &StepDecision,
         attributes: &Attributes,
     ) -> Result<StepReport, StepError> {
         let before = mem::replace(&mut self.bounds, decision.bounds);
@@ -355,7 +355,7 @@ impl Deformer {
             error
         })?;
         self.flat_start = None;
-        let StepDecision { dt, substep_rate, division: Division { substeps, .. }, fastest, .. } = decision;
+        let &StepDecision { dt, substep_rate, division: Division { substeps, .. }, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
@@ -364,7 +364,7 @@ impl Deformer {
         self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.gravity = attributes.gravity;
         self.is_current = false;
-        let mut warnings = self.warnings(&decision, limited);
+        let mut warnings = self.warnings(decision, limited);
         warnings.extend(self.contact_warnings(attributes));
         let stretch = self.evaluate(decision, attributes, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());

@@ -129,7 +129,7 @@ impl Deformer {
     /// Evaluates the oldest step whose statistics had not arrived, and learns from it.
     pub(super) fn evaluate(
         &mut self,
-        decision: StepDecision,
+        decision: &StepDecision,
         attributes: &Attributes,
         seen: Option<&Statistics>,
         warnings: &mut Vec<Warning>,
@@ -147,7 +147,7 @@ impl Deformer {
             dropped = self.late();
             self.awaiting_statistics.clear();
         }
-        self.awaiting_statistics.push_back(decision);
+        self.awaiting_statistics.push_back(*decision);
         let seen = seen?;
         let decision = self.awaiting_statistics.pop_front()?;
         let strain_bound = self.strain_bound();
