@@ -161,11 +161,8 @@ impl Controller {
         let asked_at = |aim| Controller { factor, ..*self }.asked(rates, cloth, (strain_bound, Caution { aim, ..caution }), load);
         let (asked, low, stress) = (asked_at(caution.aim), self.low + dt, load.stress(cloth));
         let is_steady = load.is_calm(cloth) && (stress - self.stress).abs() < STEADY * self.stress;
-        let too_few = match asked > self.count && self.fallen_for < TRIED {
-            _ if self.own == 0.0 => 0.0,
-            true => self.too_few.max(self.count),
-            false => self.too_few,
-        };
+        let is_held = self.own > 0.0;
+        let too_few = if is_held { self.too_few } else { 0.0 };
         let fallen = asked.max(caution.rounded_up(FALL * self.count)).min(self.count);
         let (count, low) = match f64::from(low) > caution.patience {
             _ if asked >= self.count && is_steady && asked_at(caution.most) <= self.count => (self.count, 0.0),
@@ -173,6 +170,8 @@ impl Controller {
             true if fallen > too_few => (fallen, 0.0),
             _ => (self.count, low),
         };
+        let has_failed = is_held && count > self.count && self.fallen_for < TRIED;
+        let too_few = if has_failed { too_few.max(self.count) } else { too_few };
         let fallen_for = if count < self.count { 0.0 } else { self.fallen_for + dt };
         Controller { factor, count, low, stress, too_few, fallen_for, ..*self }
     }
