@@ -10,7 +10,7 @@ struct BoundVertex {
     // Of the normals of the corners; all 0 for the triangle's own normal.
     normal_weights: vec3f,
     padding_2: u32,
-    // The render mesh's normal: its parts along the sides from the first corner to the others (1/m), and along the cloth's normal.
+    // The render mesh's normal at rest: its products with the sides from the first corner to the others (m), and with the cloth's normal.
     normal: vec3f,
     padding_3: u32,
 }
@@ -30,8 +30,10 @@ fn cloth_normal(vertex: BoundVertex, a: vec3f, b: vec3f, c: vec3f, normals: arra
     return unit(cross(b - a, c - a));
 }
 
-// The render mesh's unit normal at a vertex, from the positions (m) of the corners and the cloth's normal there; 0 where it has no
-// direction.
+// The render mesh's unit normal at a vertex, from the positions (m) of the corners and the cloth's normal there; 0 if it has none.
 fn render_normal(vertex: BoundVertex, a: vec3f, b: vec3f, c: vec3f, cloth_normal: vec3f) -> vec3f {
-    return unit((b - a) * vertex.normal.x + (c - a) * vertex.normal.y + cloth_normal * vertex.normal.z);
+    let parts = vertex.normal;
+    let area = cross(b - a, c - a);
+    let sum = cross(c - a, cloth_normal) * parts.x + cross(cloth_normal, b - a) * parts.y + area * parts.z;
+    return unit(sum * select(-1.0, 1.0, dot(area, cloth_normal) >= 0.0));
 }

@@ -9,8 +9,8 @@
 //! rounding, and so is a uniform stretch of a triangle. Between its vertices the cloth is flat: where it is bent with
 //! radius R, edges of length `l` cut the curve by `l²/8R`.
 //!
-//! A normal of the render mesh is a sum along the triangle's sides and `n`, and moves with them: exactly if the cloth moves rigidly,
-//! and where it is stretched by a strain `e`, it turns by at most `e` of what it leans from `n`.
+//! A normal of the render mesh keeps its products with the triangle's sides and with `n`, up to a common factor. So it turns as the
+//! surface does by which the triangle moves positions: exactly, also where it is stretched.
 
 mod triangle_tree;
 
@@ -31,7 +31,7 @@ const FLAT: f64 = 1e-7;
 /// used, because the smooth one hardly tells its two sides apart.
 const STEEP: f64 = 0.2;
 
-/// Why a mesh could not be bound, or positions could not be applied.
+/// Why a mesh could not be bound, or positions or normals could not be applied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BindError {
@@ -87,8 +87,8 @@ pub enum BindError {
         /// Number of vertices.
         vertices: usize,
     },
-    /// The number of positions is not the number of vertices.
-    #[error("{given} positions were given for the {expected} vertices of the {mesh} mesh; give one for each")]
+    /// The number of positions or normals is not the number of vertices.
+    #[error("{given} items were given for the {expected} vertices of the {mesh} mesh; give one for each vertex")]
     Length {
         /// `render` or `cloth`.
         mesh: &'static str,
@@ -185,11 +185,11 @@ impl Binding {
                 return Err(BindError::Index { triangle, index, vertices: cloth_vertices });
             }
         }
-        let tree = TriangleTree::new(cloth).ok_or(BindError::NoSurface)?;
         let mut triangles = cloth.triangles.clone();
         triangles.retain(is_proper);
         let edges = edges(&triangles);
         wind_alike(&mut triangles, &edges, cloth_vertices);
+        let tree = TriangleTree::new(&cloth.positions, &triangles).ok_or(BindError::NoSurface)?;
         let normals = normals(&triangles, &cloth.positions);
         let flat = FLAT * f64::from(tree.extent());
         let (mut vertices, mut farthest) = (Vec::with_capacity(render.positions.len()), 0.0_f32);
@@ -299,16 +299,17 @@ fn bound_vertex(
     let (up, normal_weights) = if smooth.dot(own).abs() > STEEP { (smooth, weights) } else { (own, [0.0; 3]) };
     let parts = DMat3::from_cols(b - a, c - a, up).inverse();
     let [along, across, height] = (parts * (x.as_dvec3() - a)).to_array();
-    let (place, normal) = ([1.0 - along - across, along, across], parts * normal);
+    let place = [1.0 - along - across, along, across];
+    let normal = [b - a, c - a, up].map(|side| normal.dot(side) as f32);
     // Weights multiply positions of up to 1e15 m.
-    let numbers = [place, [height, f64::from(distance), 0.0], normal.to_array()];
-    let are_bounded = numbers.as_flattened().iter().all(|number| number.abs() <= f64::from(MAX_POSITION));
+    let numbers = [place[0], along, across, height, f64::from(distance)];
+    let are_bounded = numbers.iter().all(|number| number.abs() <= f64::from(MAX_POSITION));
     are_bounded.then_some(BoundVertex {
         corners,
         height: if height.abs() > flat { height as f32 } else { 0.0 },
         weights: place.map(|weight| weight as f32),
         normal_weights,
-        normal: normal.as_vec3().to_array(),
+        normal,
         ..BoundVertex::default()
     })
 }

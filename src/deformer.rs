@@ -66,8 +66,9 @@ struct StepDecision {
     division: Division,
     /// Number of coarse levels to ask for.
     levels: u32,
-    /// Whether triangles can touch, and whether there are more substeps instead of levels, on which the caution depends.
+    /// Whether triangles can touch.
     has_contact: bool,
+    /// Whether there are more substeps instead of levels. The caution depends on both.
     trades_levels: bool,
     /// What moves fastest in the step, and the bounds that its result is checked with.
     fastest: Fastest,

@@ -111,6 +111,12 @@ fn normals_turn_with_the_cloth() {
     let [with, without] = [&binding, &Binding::new(&drawn, &cloth).unwrap()].map(|binding| applied(binding, &turned, &drawn));
     assert_eq!(with, without);
 
+    // Where the cloth is stretched, normals move by the inverse transpose of what moves positions.
+    let stretched: Vec<Vec3> = cloth.positions.iter().map(|x| Vec3::new(1.3 * x.x, 0.0, 0.8 * x.z)).collect();
+    binding.apply_normals(&stretched, &mut normals).unwrap();
+    let expected = unit.iter().map(|n| Vec3::new(n.x / 1.3, n.y, n.z / 0.8).normalize()).collect::<Vec<_>>();
+    assert!(worst(&normals, &expected) < 1e-5, "{}", worst(&normals, &expected));
+
     let radius = 0.2;
     let rolled: Vec<Vec3> =
         cloth.positions.iter().map(|x| Vec3::new(radius * (x.x / radius).sin(), radius * (x.x / radius).cos(), x.z)).collect();
@@ -136,6 +142,7 @@ fn normals_turn_with_the_cloth() {
     let none = Binding::with_normals(&drawn, &vec![Vec3::ZERO; 5041], &cloth).unwrap();
     none.apply_normals(&turned, &mut normals).unwrap();
     assert!(normals.iter().all(|normal| *normal == Vec3::ZERO));
+    normals.fill(Vec3::NAN);
     binding.apply_normals(&vec![Vec3::ONE; 812], &mut normals).unwrap();
     assert!(normals.iter().all(|normal| *normal == Vec3::ZERO));
 }
@@ -182,7 +189,7 @@ fn what_cannot_be_bound_is_refused() {
     let refusal = binding.apply(&cloth.positions, &mut positions).unwrap_err();
     assert_eq!(refusal, BindError::Length { mesh: "render", given: 3, expected: 5041 });
     let refusal = binding.apply(&positions.clone(), &mut positions).unwrap_err();
-    assert!(refusal.to_string().contains("3 positions were given for the 812 vertices of the cloth"), "{refusal}");
+    assert!(refusal.to_string().contains("3 items were given for the 812 vertices of the cloth"), "{refusal}");
     assert_eq!(positions, [Vec3::ONE; 3]);
     assert!(Binding::new(&Mesh::default(), &cloth).unwrap().apply(&cloth.positions, &mut []).is_ok());
     // Collapsed cloth has no normals: the drawn mesh collapses with it and stays finite.

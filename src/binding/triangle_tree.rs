@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::Vec3;
 
 use crate::kernels::pair::vertex_triangle;
-use crate::model::mesh::{Mesh, bounds};
+use crate::model::mesh::bounds;
 use crate::simd::Vector;
 
 /// Number of triangles in a leaf.
@@ -37,25 +37,24 @@ struct Node {
 }
 
 impl<'a> TriangleTree<'a> {
-    /// The longest side (m) of the box around the triangles.
-    pub(super) fn extent(&self) -> f32 {
-        self.nodes.first().map_or(0.0, |root| (root.high - root.low).max_element())
-    }
-
     /// `None` if no triangle has an area.
-    pub(super) fn new(cloth: &'a Mesh) -> Option<TriangleTree<'a>> {
-        let positions = &cloth.positions;
+    pub(super) fn new(positions: &'a [Vec3], triangles: &[[u32; 3]]) -> Option<TriangleTree<'a>> {
         let has_area = |corners: &&[u32; 3]| {
             let [a, b, c] = corners.map(|corner| positions[corner as usize].as_dvec3());
             let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
             (b - a).cross(c - a).length() > 1e-6 * longest
         };
-        let triangles: Vec<[u32; 3]> = cloth.triangles.iter().filter(has_area).copied().collect();
+        let triangles: Vec<[u32; 3]> = triangles.iter().filter(has_area).copied().collect();
         let mut tree = TriangleTree { positions, triangles, nodes: Vec::new() };
         let all = 0..tree.triangles.len();
         tree.nodes.push(tree.node(all.clone()));
         tree.split(0, all.clone());
         (!all.is_empty()).then_some(tree)
+    }
+
+    /// The longest side (m) of the box around the triangles.
+    pub(super) fn extent(&self) -> f32 {
+        (self.nodes[0].high - self.nodes[0].low).max_element()
     }
 
     fn node(&self, range: Range<usize>) -> Node {

@@ -87,8 +87,8 @@ impl Deformer {
         }
     }
 
-    /// How cautiously the substeps of a step with contact of triangles or without are chosen, and on a GPU with more substeps
-    /// instead of levels or not.
+    /// How cautiously substeps are chosen: with contact of triangles or without, and without on a GPU, with levels or with more substeps
+    /// instead.
     pub(super) fn caution(&self, has_contact: bool, trades_levels: bool) -> Caution {
         match self.backend() == Backend::Gpu && !has_contact {
             _ if self.cloth.is_shell => Caution::SHELL,

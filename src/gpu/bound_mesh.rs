@@ -16,7 +16,7 @@ use crate::model::cloth::Cloth;
 #[derive(Debug)]
 pub struct BoundMesh {
     positions: wgpu::Buffer,
-    /// Of a single vertex, which is not written, if the mesh was bound without.
+    /// Of a single vertex, which is not written, if the mesh was bound without normals.
     render_normals: wgpu::Buffer,
     has_normals: bool,
     gpu: Gpu,

@@ -16,7 +16,7 @@ pub(crate) struct BoundVertex {
     /// Of the normals of the corners; all 0 for the triangle's own normal.
     pub normal_weights: [f32; 3],
     pub padding_2: u32,
-    /// The render mesh's normal: its parts along the sides from the first corner to the others (1/m), and along the cloth's normal.
+    /// The render mesh's normal at rest: its products with the sides from the first corner to the others (m), and with the cloth's normal.
     pub normal: [f32; 3],
     pub padding_3: u32,
 }
@@ -34,9 +34,13 @@ pub(crate) fn cloth_normal(vertex: &BoundVertex, [a, b, c]: [Vec3; 3], normals: 
     smooth.try_normalize().unwrap_or_else(|| (b - a).cross(c - a).normalize_or_zero())
 }
 
-/// The render mesh's unit normal at a vertex, from the positions (m) of the corners and the cloth's normal there; 0 where it has no
-/// direction.
+/// The render mesh's unit normal at a vertex, from the positions (m) of the corners and the cloth's normal there; 0 if it has none.
+///
+/// Its products with the sides and the cloth's normal are those at rest, up to a common factor, so that what was perpendicular to it stays so.
 pub(crate) fn render_normal(vertex: &BoundVertex, [a, b, c]: [Vec3; 3], cloth_normal: Vec3) -> Vec3 {
-    let [along_b, along_c, up] = vertex.normal;
-    ((b - a) * along_b + (c - a) * along_c + cloth_normal * up).normalize_or_zero()
+    let [of_b, of_c, up] = vertex.normal;
+    let (b, c) = (b - a, c - a);
+    let area = b.cross(c);
+    let sum = c.cross(cloth_normal) * of_b + cloth_normal.cross(b) * of_c + area * up;
+    (sum * area.dot(cloth_normal).signum()).normalize_or_zero()
 }

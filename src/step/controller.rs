@@ -13,8 +13,10 @@ pub(crate) const FEWEST_SUBSTEPS: f64 = 5.0;
 const FALL: f64 = 0.8;
 /// The load is steady if its stress changes by less than this share in a step.
 const STEADY: f64 = 0.02;
-/// A number of substeps to which it fell is too small for the load if it rises again within this time (s).
+/// A number of substeps to which it fell is too small for the load if it rises again within this time (s), or within so many steps, after
+/// which a GPU has measured it.
 const TRIED: f32 = 0.1;
+const TRIED_STEPS: f32 = 3.5;
 /// A strain this small counts as zero; also the lower bound of the factor.
 const NOTHING: f64 = 1e-9;
 
@@ -148,7 +150,7 @@ impl Controller {
     /// the stretch is between the aim and [`Caution::most`]: otherwise it falls and rises for ever where cloth hangs at rest,
     /// which then never does rest (`cloth_at_rest_keeps_its_substeps`). And cloth that is held stretched may depend on the number more
     /// steeply than the law says, so that one is too few and the next leaves nothing to correct. As long as it is held, the number
-    /// does not fall to that one again (`cloth_that_is_held_stretched_keeps_its_substeps`).
+    /// does not fall to that one again for [`RENEWED`] (`cloth_that_is_held_stretched_keeps_its_substeps`).
     pub(crate) fn next(
         &self,
         rates: &Rates,
@@ -162,15 +164,15 @@ impl Controller {
         let (asked, low, stress) = (asked_at(caution.aim), self.low + dt, load.stress(cloth));
         let is_steady = load.is_calm(cloth) && (stress - self.stress).abs() < STEADY * self.stress;
         let is_held = self.own > 0.0;
-        let too_few = if is_held { self.too_few } else { 0.0 };
-        let fallen = asked.max(caution.rounded_up(FALL * self.count)).min(self.count);
+        let too_few = if is_held && self.fallen_for < RENEWED { self.too_few } else { 0.0 };
+        let fallen = asked.max(caution.rounded_up(FALL * self.count)).max(caution.rounded_up(too_few + 1.0)).min(self.count);
         let (count, low) = match f64::from(low) > caution.patience {
             _ if asked >= self.count && is_steady && asked_at(caution.most) <= self.count => (self.count, 0.0),
             _ if asked >= self.count => (asked, 0.0),
-            true if fallen > too_few => (fallen, 0.0),
-            _ => (self.count, low),
+            true => (fallen, 0.0),
+            false => (self.count, low),
         };
-        let has_failed = is_held && count > self.count && self.fallen_for < TRIED;
+        let has_failed = is_held && count > self.count && self.fallen_for < TRIED.max(TRIED_STEPS * dt);
         let too_few = if has_failed { too_few.max(self.count) } else { too_few };
         let fallen_for = if count < self.count { 0.0 } else { self.fallen_for + dt };
         Controller { factor, count, low, stress, too_few, fallen_for, ..*self }
@@ -201,9 +203,9 @@ impl Controller {
         Controller { levels: levels as u32, ..*self }
     }
 
-    /// The state without the longest substep.
+    /// The state for another quality: without the longest substep, and without what was too few for the last one.
     pub(crate) fn afresh(&self) -> Controller {
-        Controller { longest: 0.0, ..*self }
+        Controller { longest: 0.0, too_few: 0.0, ..*self }
     }
 
     /// The longest substep (s) that was allowed in any step so far.
@@ -283,7 +285,7 @@ const RENEWED: f32 = 10.0;
 
 /// Share of what more substeps could change that always counts as excess, because what is the fabric's own is an estimate.
 const DOUBT: f64 = 0.1;
-/// The same of the stretch beyond that by the weight. Cloth that is flung about is under its largest load only where it is taut: of 240
+/// The same share of the stretch beyond what the weight explains. Cloth that is flung about is under its largest load only where it is taut: of 240
 /// frames of a sheet of jersey that is shaken (`soft_cloth_that_is_shaken_keeps_its_promise`), 70 were stretched by more than the bound
 /// beyond the same step resolved, and not reported, when this was a tenth, too.
 const DOUBT_IN_MOTION: f64 = 0.5;

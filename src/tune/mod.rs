@@ -67,7 +67,9 @@ impl Terms {
     /// The names of the terms that are left out.
     pub fn left_out(self) -> impl Iterator<Item = &'static str> {
         let Terms { bending, damping, air } = self;
-        [("bending", bending), ("damping", damping), ("air", air)].into_iter().filter_map(|(name, is)| (!is).then_some(name))
+        [("bending", bending), ("damping", damping), ("air", air)]
+            .into_iter()
+            .filter_map(|(name, is_there)| (!is_there).then_some(name))
     }
 }
 

@@ -23,8 +23,9 @@ const ITERATIONS: u32 = 4;
 const OF_RELAXATION: f64 = 2.2;
 const OF_SPRINGS: f64 = 0.7;
 
-/// The name of each term, and whether it is among given ones. Damping acts on bending, so it comes later.
+/// A term's name, and where it is among others.
 type NamedTerm = (&'static str, fn(&mut Terms) -> &mut bool);
+/// Of terms with equal errors bending comes first, because damping acts on it.
 const TERMS: [NamedTerm; 3] =
     [("bending", |terms| &mut terms.bending), ("damping", |terms| &mut terms.damping), ("air", |terms| &mut terms.air)];
 

@@ -39,7 +39,7 @@ fn a_seam_that_is_rounded_differently_is_closed() {
 #[test]
 fn what_is_apart_is_not_joined() {
     let mut sphere = sphere_with_seam(0.3);
-    // A gap of a ten-thousandth of the extent.
+    // A gap of 0.17 mm, where 7 um count as none.
     sphere.positions.iter_mut().step_by(49).for_each(|x| *x += 1e-4 * Vec3::ONE);
     assert!(!is_closed(&sphere));
 }

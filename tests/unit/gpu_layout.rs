@@ -8,7 +8,6 @@ use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use crate::contact::device::table::ContactParams;
-
 use crate::gpu::contact::encode;
 use crate::gpu::contact::status::{self as contact, Listed, Status, Track};
 use crate::gpu::multigrid::{Average, Member};

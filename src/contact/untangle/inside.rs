@@ -31,7 +31,7 @@ pub(crate) fn is_closed(body: &Mesh) -> bool {
 fn joined(positions: &[Vec3]) -> Vec<u32> {
     let [low, high] = bounds(positions);
     let seam = (SEAM * (high - low).max_element()).max(f32::MIN_POSITIVE);
-    // Cells that are wider than a seam: what is near to a vertex is mostly in its own.
+    // Cells that are wider than a seam: what is near to a vertex is mostly in its own cell.
     let cell_of = |x: Vec3| ((x - low) / (4.0 * seam)).floor().to_array().map(|x| x as i32);
     let mut cells: HashMap<[i32; 3], Vec<u32>> = HashMap::new();
     let name_of = |(vertex, &x): (u32, &Vec3)| {
