@@ -6,7 +6,7 @@
 use cloth_deformer::Mesh;
 use cloth_deformer::glam::{Vec3A, Vec4};
 
-/// An N x N sheet of 1 m with its first row pinned, as in `benches/step`.
+/// An N x N sheet of 1 m with its first row pinned, as `scenes::hang`.
 #[derive(Debug)]
 pub(crate) struct Plain {
     x: Vec<Vec4>,

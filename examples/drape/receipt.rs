@@ -12,7 +12,7 @@ use crate::{Failure, output::Output, report::Report};
 /// Name of the file in a run's folder.
 pub(crate) const NAME: &str = "receipt.json";
 
-/// A receipt. It is the same for the same run on any machine, except for `lanes` and, with a GPU, `adapter` and the
+/// A receipt. It is the same for the same run on any machine, except for `lanes` and `adapter`, and with other lanes or a GPU the
 /// figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Receipt {

@@ -27,7 +27,7 @@ pub(crate) fn describe(mut warning: Warning, sixtieths: f32, untangles: bool) ->
             Cause::Slivers => "merge their ends, or ask for more --substeps",
             Cause::Crossings if untangles => "give it more room",
             Cause::Crossings => "give it more room, and use --untangle",
-            Cause::Squeezed => "give it more room, a smaller thickness (--self-contact METRES), or ask for more --substeps",
+            Cause::Squeezed => "give it more room, a smaller thickness (--self-contact METERS), or ask for more --substeps",
             Cause::Wind => "let it blow less hard, or ask for more --substeps",
             Cause::Pins | Cause::Collider => "move them more slowly, or ask for more --substeps",
             _ => "ask for more --substeps, or bring what holds it closer together",

@@ -47,7 +47,7 @@ pub(crate) struct Scene {
     /// The file that the mesh was read from, if it is a single file.
     pub(crate) template: Option<ObjTemplate>,
     pub(crate) options: Options,
-    /// Whether a start that crosses is separated before the first frame.
+    /// Whether cloth that crosses is separated, before the first frame and every 0.2 s later.
     pub(crate) untangle: bool,
     pub(crate) outputs: Outputs,
     pub(crate) look: Look,
