@@ -240,7 +240,8 @@ impl Binding {
     /// If either length is not that mesh's number of vertices; `render` is then unchanged.
     pub fn apply(&self, cloth: &[Vec3], render: &mut [Vec3]) -> Result<(), BindError> {
         self.check_lengths(cloth, render)?;
-        let normals = normals(&self.triangles, cloth);
+        // Without heights there are no triangles, and no normal is read.
+        let normals = if self.triangles.is_empty() { Vec::new() } else { normals(&self.triangles, cloth) };
         for (x, vertex) in render.iter_mut().zip(&self.vertices) {
             let corners = vertex.corners.map(|corner| cloth[corner as usize]);
             *x = foot(vertex, corners);
