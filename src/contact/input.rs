@@ -40,8 +40,8 @@ pub(super) struct Vertex {
     pub weight: f32,
     /// How far (m) it was about to move relative to the common motion.
     pub travel: f32,
-    /// See [`Surface::half_gap`].
-    pub half_gap: f32,
+    /// See [`Surface::allowance`].
+    pub allowance: f32,
 }
 
 impl Vertex {

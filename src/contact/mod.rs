@@ -63,7 +63,7 @@ use crossings::ignored::IgnoredPairs;
 use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::max_listed;
-use detection::paths::{DRIFT, Paths};
+use detection::paths::Paths;
 use detection::rows::Rows;
 use detection::tree::Tree;
 use input::{ContactInput, Path, SubstepContext};
@@ -131,7 +131,7 @@ pub(crate) struct TriangleContact {
     max_carry: f32,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
-    /// The number of pairs of leaves if there were too many to test; 0 otherwise.
+    /// The number of pairs if there were too many; 0 otherwise.
     pub too_many: usize,
     pub tally: Tally,
     checkpoint: Checkpoint,
@@ -253,7 +253,7 @@ impl TriangleContact {
         }
     }
 
-    /// Moves apart what touches exactly, once after the state was replaced.
+    /// Moves apart what touches exactly, once after the state was replaced or a body has jumped.
     fn part_touches(&self, x: &mut [Vec4]) {
         if self.may_cross && self.paths.since.is_none() {
             let moved = IgnoredPairs::part_touches(&self.surface, x);
@@ -308,10 +308,9 @@ impl TriangleContact {
         self.max_carry = input.max_carry;
         if self.contacts.has_near() {
             // Pairs that are not listed stay apart only as long as vertices move about as detection assumed.
-            let most = DRIFT * self.surface.thickness;
             let cloth = ..self.bodies.first;
-            let drifts = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats, most);
-            self.may_cross |= self.contacts.finish([x, u], push, (most, drifts), workers);
+            let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
+            self.may_cross |= self.contacts.finish([x, u], push, drift, workers);
             if lost != DVec3::ZERO && returns_momentum(plan) {
                 give_back(plan.cloth, lost, u, workers);
             }

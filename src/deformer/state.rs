@@ -168,13 +168,14 @@ impl Deformer {
     /// number of vertices, and as the square of the number of triangles that meet at a vertex.
     ///
     /// # Errors
-    /// As [`Deformer::positions`].
+    /// Those of [`Deformer::positions`], and [`StepError::Crowded`].
     pub fn crossings(&mut self) -> Result<Vec<Crossing>, StepError> {
         self.refresh_positions()?;
         let triangles = &self.cloth.triangles;
         let edges = edges(triangles);
         let (x, thickness) = (&self.local, self.options.contact.unwrap_or_default().thickness);
         let found = Features { edges: &edges, triangles, x, cloth_vertices: x.len(), thickness }.crossings(|_, _| true);
+        let found = found.map_err(|pairs| StepError::Crowded { pairs })?;
         let crossing = |&[edge, triangle]: &[u32; 2]| {
             let crossing = Crossing { edge: edges[edge as usize], triangle: triangles[triangle as usize] };
             crossing.named(&self.cloth.order)

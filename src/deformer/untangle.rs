@@ -35,7 +35,7 @@ impl Deformer {
     /// rounds, each of about the time of [`Deformer::crossings`].
     ///
     /// # Errors
-    /// If an attribute is out of its range, and those of [`Deformer::positions`]; the state is then unchanged.
+    /// If an attribute is out of its range, those of [`Deformer::positions`], and [`StepError::Crowded`]; the state is then unchanged.
     pub fn untangle(&mut self, attributes: &Attributes) -> Result<Untangled, StepError> {
         attributes.validate(self.cloth.pinned.len())?;
         self.positions()?;
@@ -53,7 +53,8 @@ impl Deformer {
             .collect();
         let mut x: Vec<Vec4> = self.local.clone();
         let thickness = self.options.contact.unwrap_or_default().thickness;
-        let [before, after] = untangle(&self.cloth, &mut x, &bodies, thickness);
+        let untangled = untangle(&self.cloth, &mut x, &bodies, thickness);
+        let [before, after] = untangled.map_err(|pairs| StepError::Crowded { pairs })?;
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {

@@ -6,7 +6,7 @@ pub(crate) enum Failure {
     /// The motion became unstable in this step, counted since the state was last set. The cloth is as it was before the
     /// step.
     Unstable { cause: Defect, step: u32 },
-    /// Contact found this many candidate pairs of groups of triangles, more than it can process.
+    /// Contact found at least this many pairs, more than it can process.
     Crowded(usize),
     #[cfg(feature = "gpu")]
     Gpu(crate::device::fault::GpuFault),

@@ -214,10 +214,10 @@ pub enum StepError {
     },
     /// So much of the cloth is in one place, or moves through it, that contact cannot process all candidate pairs.
     #[error(
-        "contact: {pairs} pairs of groups of triangles are close to each other, as if the whole cloth were in one place, or moved by more than its size in a substep; spread it out, slow it down, or lower contact.thickness"
+        "contact: {pairs} pairs of features, or more, are close to each other, as if the whole cloth were in one place, or moved by more than its size in a substep; spread it out, slow it down, or lower contact.thickness"
     )]
     Crowded {
-        /// Number of candidate pairs of groups of a few triangles each.
+        /// Number of pairs of triangles, edges or vertices, or of groups of them, that would have to be compared, at least.
         pairs: usize,
     },
     /// The GPU failed for another reason.

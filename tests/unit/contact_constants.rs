@@ -4,7 +4,7 @@ use naga::Literal;
 
 use super::bodies;
 use super::contacts::near::{self, voronoi};
-use super::contacts::{carry, pinches, truncation};
+use super::contacts::{carry, pinches};
 use super::detection::{paths, tree};
 use super::surface::{LEAST_HELD, normals};
 use crate::kernels::{pair, plane};
@@ -28,7 +28,6 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("MIN_AHEAD", Literal::F32(paths::AHEAD[0])),
         ("MAX_AHEAD", Literal::F32(paths::AHEAD[1])),
         ("FARTHER_AHEAD", Literal::F32(paths::FARTHER_AHEAD)),
-        ("DRIFT", Literal::F32(paths::DRIFT)),
         ("CONE_COSINE", Literal::F32(normals::CONE_COSINE)),
         ("MAX_EXCESS", Literal::F32(tree::MAX_EXCESS)),
         ("LEAST_HELD", Literal::F32(LEAST_HELD)),
@@ -36,7 +35,6 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("ABOVE_ANGLE", Literal::F32(voronoi::ABOVE_ANGLE)),
         ("ALONGSIDE", Literal::F32(voronoi::ALONGSIDE)),
         ("ON_SIDE", Literal::F32(voronoi::ON_SIDE)),
-        ("FARTHER", Literal::F32(truncation::FARTHER)),
         ("COINCIDENT", Literal::F32(pinches::COINCIDENT)),
         ("CLOSER", Literal::F32(carry::CLOSER)),
         ("CLOSEST", Literal::F32(carry::CLOSEST)),

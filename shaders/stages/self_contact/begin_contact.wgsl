@@ -166,6 +166,7 @@ fn begin_substep() {
     atomicStore(&contact_state.status.squeezed, 0u);
     atomicStore(&contact_state.status.again, 0u);
     atomicStore(&contact_state.status.shortens, 0u);
+    atomicStore(&contact_state.status.passed, 0u);
     let strayed = atomicExchange(&contact_state.status.strayed, 0u) != 0u;
     contact_state.status.scale = 0.0;
     if contact_state.status.h > 0.0 {

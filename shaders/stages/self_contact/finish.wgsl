@@ -4,10 +4,6 @@
 // Whether displacements were truncated once more in this substep.
 override AGAIN: bool = false;
 
-// In units of the thickness, by how much contact may move a vertex elsewhere than it was about to move without a search for
-// intersections.
-const DRIFT: f32 = 0.5;
-
 var<workgroup> lost: array<vec3f, WORKGROUP>;
 
 @compute @workgroup_size(WORKGROUP)
@@ -64,7 +60,7 @@ fn finish(
 // Whether a vertex gets farther from its path than it may, so that pairs that are not listed may cross. Paths of free cloth are
 // relative to what it strays together, so that there it counts how far it moves elsewhere than it was about to.
 fn drifts(i: u32, u: vec3f) -> bool {
-    let most = DRIFT * contact_params.thickness;
+    let most = allowance_of(i);
     if is_free() {
         return length(u - p_out[i].xyz) > most;
     }

@@ -28,14 +28,12 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
     let y = Four(a.middle.xyz, b.middle.xyz, c.middle.xyz, d.middle.xyz);
     let apart = length(between(closest(is_edge, y), y));
     var relative = max(square(a.u - c.u), square(a.u - d.u));
-    var margin: f32;
     if is_edge {
         relative = max(relative, max(square(b.u - c.u), square(b.u - d.u)));
-        margin = max(a.middle.w, b.middle.w) + max(c.middle.w, d.middle.w);
     } else {
         relative = max(relative, square(a.u - b.u));
-        margin = a.middle.w + max(b.middle.w, max(c.middle.w, d.middle.w));
     }
+    let margin = sum_of_sides(is_edge, vec4f(a.middle.w, b.middle.w, c.middle.w, d.middle.w));
     // A lower bound on the distance.
     let left = apart - margin - sqrt(relative) * (0.5 * contact_state.status.ahead);
     if !(left < contact_params.thickness) {
@@ -46,7 +44,7 @@ fn distance_to_hold(is_edge: bool, corners: vec4u) -> f32 {
         let rest = Four(rest_of(corners.x), rest_of(corners.y), rest_of(corners.z), rest_of(corners.w));
         thickness = min(thickness, max(0.5 * length(between(closest(is_edge, rest), rest)), LEAST_HELD * thickness));
     }
-    return select(0.0, thickness, left < thickness);
+    return select(0.0, thickness, left < reach(is_edge, thickness, corners));
 }
 
 // The position of a pair of the previous list.

@@ -27,17 +27,9 @@ fn closest_of(at: Four, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Clo
         square(u.c - mean - by_turning(at.c)),
         square(u.d - mean - by_turning(at.d)),
     ));
-    var weights: vec4f;
-    var most: vec2f;
-    if is_edge {
-        weights = edge_edge(at);
-        most = vec2f(max(travel.x, travel.y), max(travel.z, travel.w));
-    } else {
-        weights = vertex_triangle(at);
-        most = vec2f(travel.x, max(travel.y, max(travel.z, travel.w)));
-    }
+    let weights = closest(is_edge, at);
     let apart = between(weights, at);
-    return Closest(weights, apart, length(apart) - sqrt(most.x) - sqrt(most.y) - 2.0 * pushed);
+    return Closest(weights, apart, length(apart) - sum_of_sides(is_edge, sqrt(travel)) - 2.0 * pushed);
 }
 
 // Used instead of the response while pairs are listed but none is near: stops the step if one may be. The margin covers
@@ -58,7 +50,7 @@ fn glance(
         let pair = pairs[place(k)];
         let is_edge = k >= with_vertices;
         let closest = closest_of(positions(pair.corners), is_edge, displacements(pair.corners), mean, pushed);
-        if !(closest.left > pair.thickness + ROUNDING_MARGIN * contact_params.thickness) {
+        if !(closest.left > reach(is_edge, pair.thickness, pair.corners) + ROUNDING_MARGIN * contact_params.thickness) {
             atomicOr(&contact_state.status.stopped, CLOSE);
         }
     }
@@ -96,7 +88,7 @@ fn proximity_of(k: u32) -> Proximity {
     }
     var state = 0u;
     // A vector of no length has no direction.
-    if closest.left < pair.thickness && distance > 1e-12 {
+    if closest.left < reach(is_edge, pair.thickness, pair.corners) && distance > 1e-12 {
         let gap = distance - pair.thickness + dot(normal, between(weights, u));
         // If the closest point is an end of an edge, a vertex-triangle pair acts there instead.
         let inner = weights.y > 0.0 && weights.y < 1.0 && weights.w < 0.0 && weights.w > -1.0;

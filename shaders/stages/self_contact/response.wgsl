@@ -2,8 +2,6 @@
 //
 // Each iteration of the response is a dispatch over pairs, followed by one over vertices that applies the sums.
 
-// How much farther contact may move a vertex than it was about to move, as a multiple of its `half_gap_of`.
-const FARTHER: f32 = 0.45;
 
 // Whether a workgroup collects the sums of its pairs, which share vertices, in its own memory first. That adds faster, but takes
 // some time even if there is little to add.
@@ -237,5 +235,5 @@ fn apply_impulses_last(@builtin(global_invocation_id) id: vec3u, @builtin(num_wo
     apply_sums(i);
     vertices[i].push = vec4f(vertices[i].push.xyz + summed(i, PUSHED, UNIT_LENGTH), 0.0);
     atomicStore(&sums[SUMS * i + SQUARES], 0);
-    begin_truncation(i, vertices[i].way.w + FARTHER * half_gap_of(i));
+    begin_truncation(i, vertices[i].way.w + allowance_of(i));
 }

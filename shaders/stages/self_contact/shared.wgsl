@@ -344,9 +344,25 @@ fn piece_of(v: u32) -> u32 {
     return table[contact_params.of_vertices + 6u * v];
 }
 
-// Half of the least height of the triangles around a vertex, as far as contact needs it: `Surface::half_gap`.
-fn half_gap_of(v: u32) -> f32 {
+// How much farther contact may move a vertex than it was about to move: `Surface::allowance`.
+fn allowance_of(v: u32) -> f32 {
     return number(contact_params.of_vertices + 6u * v + 1u);
+}
+
+// Sides that come closer than this, by what they are about to move, may meet in this substep: their thickness or, where that is
+// less, how much farther contact may move them.
+fn reach(is_edge: bool, thickness: f32, c: vec4u) -> f32 {
+    // The full thickness is more than contact lets any vertices move.
+    if thickness >= contact_params.thickness {
+        return thickness;
+    }
+    return max(thickness, sum_of_sides(is_edge, vec4f(allowance_of(c.x), allowance_of(c.y), allowance_of(c.z), allowance_of(c.w))));
+}
+
+// The sum of the largest value at a corner of either side.
+fn sum_of_sides(is_edge: bool, at: vec4f) -> f32 {
+    let most = max(at.z, at.w);
+    return select(at.x + max(at.y, most), max(at.x, at.y) + most, is_edge);
 }
 
 fn max_margin_of(v: u32) -> f32 {

@@ -57,7 +57,7 @@ pub(crate) struct Contacts {
     /// Positions (m) of the vertices. w: how far (m) the vertex was about to move relative to the common motion; negative if it
     /// was not listed in the last substep.
     pub x: Vec<Vec4>,
-    /// Displacements (m) of the vertices; w is unused.
+    /// Displacements (m) of the vertices. w: [`Surface::allowance`](super::surface::Surface::allowance), until they are changed.
     pub u: Vec<Vec4>,
     /// Displacements (m) relative to the common motion, in its axes. w: 1 if the vertex is kinematic or carried, otherwise 0.
     pub relative: Vec<Vec4>,
@@ -187,12 +187,13 @@ impl Contacts {
                     let moved = xyz(input.x[of]) - xyz(*x) - last_common_motion.at(xyz(*x));
                     let was_listed = x.w >= 0.0;
                     let base = input.common_motion.at(xyz(input.x[of]));
-                    *u = input.u[of].with_w(0.0);
+                    let allowance = input.surface.allowance[of];
+                    *u = input.u[of].with_w(allowance);
                     let least = if input.x[of].w > 0.0 { input.max_carry } else { 0.0 };
                     *x = input.x[of].with_w((xyz(*u) - base).length().max(least));
                     let push = input.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                     let travel = (xyz(*u) + push - base).length().max(least);
-                    *vertex = Vertex { index, x: input.x[of], push, weight: 0.0, travel, half_gap: input.surface.half_gap[of] };
+                    *vertex = Vertex { index, x: input.x[of], push, weight: 0.0, travel, allowance };
                     all.join(&PatchMotion { moved: if was_listed { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
                 }
                 motions[patch(order[0]) - first] = all;
@@ -271,19 +272,23 @@ impl Contacts {
     }
 
     /// Writes displacements and positions back to the state. `push` are the corrections of positions by colliders;
-    /// empty if there are none. Returns whether a vertex moves elsewhere than it was about to by more than `most` (m), and
-    /// `drifts`: given are its index, its position at the start and its displacement (m).
+    /// empty if there are none. Returns whether contact moves a vertex elsewhere than it was about to move, and beyond its margin by
+    /// [`drift`](crate::contact::detection::paths::Paths::drift), both by more than its allowance: two that do so may get through each
+    /// other if they are not listed as a pair.
     pub(crate) fn finish(
         &self,
         [x, u]: [&mut [Vec4]; 2],
         push: &[Vec4],
-        (most, drifts): (f32, impl Fn(usize, Vec3A, Vec3A) -> bool + Sync),
+        drift: impl Fn(usize, Vec3A, Vec3A) -> f32 + Sync,
         workers: Workers<'_>,
     ) -> bool {
         let part = workers.part(x.len(), GRAIN);
         let found = AtomicBool::new(false);
         let note = |vertex: &Vertex, before: Vec4, after: Vec4| {
-            if xyz(after - before).length_squared() > most * most && drifts(vertex.index as usize, xyz(vertex.x), xyz(after)) {
+            let most = vertex.allowance;
+            if xyz(after - before).length_squared() > most * most
+                && drift(vertex.index as usize, xyz(vertex.x), xyz(after)) > most
+            {
                 found.store(true, Ordering::Relaxed);
             }
         };

@@ -10,7 +10,7 @@
 //! spins by a third of a cell in a substep would be slowed down by its own neighbors. So a pair is [clear](Shares) if it stays
 //! apart where its corners go, and its plane holds only pairs that are not, and then those of which a corner was shortened, until
 //! there are no more. Pairs that are not near need no plane: truncation lets no vertex move farther than it was about to before the
-//! response, apart from an allowance ([`FARTHER`]). The momentum that truncation removes is returned to the cloth as a whole where
+//! response, apart from an [allowance](crate::contact::surface::Surface::allowance). The momentum that truncation removes is returned to the cloth as a whole where
 //! [possible](crate::contact::returns_momentum), else crumpled cloth would drive itself, and hover.
 //!
 //! One factor shortens a displacement along the plane, too, so cloth that is pressed against a mesh body would stick to it whatever
@@ -31,9 +31,6 @@ use crate::kernels::integrate::xyz;
 use crate::kernels::plane::{Plane, excess};
 use crate::simd::{self, Bits, Loop, MAX_LANES, Registers};
 
-/// How much farther contact may move a vertex than it was about to move, as a multiple of its
-/// [`Vertex::half_gap`](crate::contact::input::Vertex::half_gap).
-pub(crate) const FARTHER: f32 = 0.45;
 /// Rounds in which the pairs are held that a shortened corner no longer leaves clear. In the last one all are. (On the GPU there
 /// are two, of which the last is needed only if the one before has shortened others.)
 const HOLDING_ROUNDS: usize = 4;
@@ -98,7 +95,7 @@ impl Contacts {
         workers.each(parts, |(((vertices, relative), u), shares)| {
             for (((vertex, relative), &u), share) in vertices.iter().zip(relative).zip(u).zip(shares) {
                 let way = xyz(u) + vertex.push - common_motion.at(xyz(vertex.x));
-                let (length, most) = (way.length(), vertex.travel + FARTHER * vertex.half_gap);
+                let (length, most) = (way.length(), vertex.travel + vertex.allowance);
                 *share = if length > most && vertex.x.w > 0.0 { most / length } else { 1.0 };
                 *relative = common_motion.back(way).extend(if vertex.x.w > 0.0 { 0.0 } else { 1.0 });
             }

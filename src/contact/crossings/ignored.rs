@@ -21,7 +21,7 @@ const RINGS: usize = 2;
 pub(crate) struct IgnoredPairs {
     /// Known intersections: each an edge and a triangle, sorted.
     pub crossings: Vec<[u32; 2]>,
-    /// Pairs of an edge and a triangle that have moved through each other in this step. They need not intersect any more.
+    /// Pairs of an edge and a triangle that have moved through each other in this step, sorted. They need not intersect any more.
     through: Vec<[u32; 2]>,
     /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
     pairs: [Vec<[u32; 2]>; 2],
@@ -31,9 +31,10 @@ pub(crate) struct IgnoredPairs {
 
 impl IgnoredPairs {
     /// Searches for all intersections: of the cloth with bodies and, if it has contact with itself, of the cloth with itself.
+    /// Of cloth that is crammed into one place none is known; detection refuses it.
     pub(crate) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
         let found = features(surface, x).crossings(|a, b| surface.may_collide(a, b));
-        self.take(found, surface);
+        self.take(found.unwrap_or_default(), surface);
     }
 
     /// Searches for intersections around the known ones and around some vertices only. Returns whether there are others than
@@ -54,7 +55,7 @@ impl IgnoredPairs {
             triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
             ..features(surface, x)
         };
-        let found = features.crossings(|a, b| surface.may_collide(a, b));
+        let found = features.crossings(|a, b| surface.may_collide(a, b)).unwrap_or_default();
         let found: Vec<[u32; 2]> =
             found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
         let are_new = found != self.crossings;
@@ -73,6 +74,9 @@ impl IgnoredPairs {
     pub(crate) fn note(&mut self, pinched: &[Pinched], surface: &Surface) {
         let through = pinched.iter().filter(|pair| pair.is_through);
         self.through.extend(through.filter_map(|pair| crossing_of(surface, pair.kind, pair.corners)));
+        // A feature that moves through another one has several pairs, in several substeps.
+        self.through.sort_unstable();
+        self.through.dedup();
     }
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
@@ -94,7 +98,7 @@ impl IgnoredPairs {
         triangles.extend(body_triangles);
         let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x) };
         let may_collide = |a, b| surface.may_collide(a, b);
-        features.are_close(may_collide) && !features.crossings(may_collide).is_empty()
+        features.are_close(may_collide) && !features.crossings(may_collide).is_ok_and(|found| found.is_empty())
     }
 
     /// Replaces the intersections.
@@ -128,7 +132,7 @@ impl IgnoredPairs {
 
     /// All that intersects, or did in this step.
     fn all(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
-        let through = self.through.iter().filter(|pair| !self.crossings.contains(pair));
+        let through = self.through.iter().filter(|pair| self.crossings.binary_search(pair).is_err());
         self.crossings.iter().chain(through).map(|&pair| by_vertices(pair, surface))
     }
 

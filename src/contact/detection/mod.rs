@@ -91,7 +91,7 @@ pub(crate) struct DetectionInput<'a> {
 
 impl Detection {
     /// Lists all pairs anew, with the multipliers of pairs that were listed before. Pairs that `is_ignored` accepts are
-    /// left out. If there are too many pairs of leaves, returns their number as an error.
+    /// left out. If there are too many pairs, returns their number as an error.
     pub(crate) fn run(
         &mut self,
         input: DetectionInput<'_>,
@@ -216,7 +216,7 @@ impl Detection {
             });
         }
         // Whether there are too many does not depend on the order in which threads count them.
-        if listed_in_all.into_inner() > most { Err(pairs) } else { Ok(tasks) }
+        if listed_in_all.into_inner() > most { Err(most) } else { Ok(tasks) }
     }
 
     /// Computes the boxes of some triangles, edges and vertices.

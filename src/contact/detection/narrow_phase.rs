@@ -5,7 +5,7 @@ use glam::Vec4;
 use super::broad_phase::CLOSE_AT_REST;
 use super::tree::DetectionScope;
 use crate::contact::surface::lanes::{corners_of, store, whole_corners_of};
-use crate::contact::surface::pairs::{Kind, Listed, between, closest, corners, square};
+use crate::contact::surface::pairs::{Kind, Listed, between, closest, corners, reach, square, sum_of_sides};
 use crate::contact::surface::{LEAST_HELD, Surface};
 use crate::simd::{Bits, Loop, MAX_LANES, Registers};
 
@@ -31,7 +31,7 @@ impl Loop for NarrowPhase<'_> {
             let of = |[first, second]: [u32; 2]| corners(surface, kind, [first, second & !CLOSE_AT_REST]);
             let mut places = [of(group[0]); MAX_LANES];
             places.iter_mut().zip(group).for_each(|(place, &pair)| *place = of(pair));
-            let ((y, [a, b, c, d]), u) = (whole_corners_of::<L>(middle, &places), corners_of::<L>(u, &places));
+            let ((y, margins), u) = (whole_corners_of::<L>(middle, &places), corners_of::<L>(u, &places));
             let apart = between(closest(kind, y), y);
             let distance = apart.dot(apart).sqrt();
             let mut relative = square(u[0] - u[2]).max(square(u[0] - u[3]));
@@ -39,12 +39,8 @@ impl Loop for NarrowPhase<'_> {
                 Kind::VertexTriangle => relative.max(square(u[0] - u[1])),
                 Kind::EdgeEdge => relative.max(square(u[1] - u[2])).max(square(u[1] - u[3])),
             };
-            let margin = match kind {
-                Kind::VertexTriangle => a + b.max(c).max(d),
-                Kind::EdgeEdge => a.max(b) + c.max(d),
-            };
-            // The part of the distance that is left for the pair's thickness.
-            let left = distance - margin - relative.sqrt() * half;
+            // The part of the distance that is left.
+            let left = distance - sum_of_sides(kind, margins) - relative.sqrt() * half;
             let close = L::bits(left.lt(L::splat(thickness))) & ((1 << group.len()) - 1);
             if close == 0 {
                 continue;
@@ -62,7 +58,7 @@ impl Loop for NarrowPhase<'_> {
                     second & CLOSE_AT_REST != 0 && surface.piece[corners[0] as usize] == surface.piece[corners[3] as usize];
                 let thickness =
                     if together { thickness.min((0.5 * at_rest[lane]).max(LEAST_HELD * thickness)) } else { thickness };
-                if lefts[lane] < thickness {
+                if lefts[lane] < reach(kind, thickness, corners.map(|corner| surface.allowance[corner as usize])) {
                     listed.push((first, Listed { corners, other: second & !CLOSE_AT_REST, thickness }));
                 }
             }

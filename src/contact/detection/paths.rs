@@ -28,9 +28,6 @@ const FEW: f32 = 0.01;
 const LONGER: f32 = 1.5;
 /// Share of its margin by which the path of a vertex may lead away from where it is about to move.
 const ASIDE: f32 = 0.9;
-/// In units of the thickness, by how much contact may move a vertex elsewhere than it was about to move, and beyond its margin,
-/// without a search for intersections: two that each do so may get through each other, if they are not listed as a pair.
-pub(crate) const DRIFT: f32 = 0.5;
 /// Number of vertices from which the common deviation is estimated.
 pub(crate) const SAMPLES: usize = 32;
 
@@ -148,18 +145,13 @@ impl Paths {
         }
     }
 
-    /// A test of how far vertices get from their paths in this substep, which is counted already: whether one at `x` with the
-    /// displacement `u` (m) gets farther than it may, by more than `most` (m).
-    pub(crate) fn drift<'a>(
-        &'a self,
-        path: Path<'_>,
-        floats: bool,
-        most: f32,
-    ) -> impl Fn(usize, Vec3A, Vec3A) -> bool + Sync + use<'a> {
+    /// How much farther (m) than it may a vertex at `x` with the displacement `u` (m) gets from its path in this substep, which is
+    /// counted already.
+    pub(crate) fn drift<'a>(&'a self, path: Path<'_>, floats: bool) -> impl Fn(usize, Vec3A, Vec3A) -> f32 + Sync + use<'a> {
         let over = self.since.unwrap_or_default();
         let strayed = move |vertex: usize, x: Vec3A, u: Vec3A| x - xyz(self.from[vertex]) + (u - xyz(self.by[vertex]) * over);
         let common = mean_of(floats.then_some(path.x.len()), |vertex| strayed(vertex, xyz(path.x[vertex]), xyz(path.u[vertex])));
-        move |vertex, x, u| (strayed(vertex, x, u) - common).length() > self.margin[vertex] + most
+        move |vertex, x, u| (strayed(vertex, x, u) - common).length() - self.margin[vertex]
     }
 
     /// The vector (m) by which a vertex will have strayed after this substep.

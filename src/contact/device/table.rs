@@ -103,8 +103,8 @@ impl Table {
         });
         let of_vertex = |vertex: usize| {
             let [x, y, z] = xyz(surface.rest[vertex]).to_array().map(f32::to_bits);
-            let [half_gap, max_margin] = [surface.half_gap[vertex], surface.max_margin[vertex]].map(f32::to_bits);
-            [surface.piece[vertex], half_gap, max_margin, x, y, z]
+            let [allowance, max_margin] = [surface.allowance[vertex], surface.max_margin[vertex]].map(f32::to_bits);
+            [surface.piece[vertex], allowance, max_margin, x, y, z]
         };
         // Other nodes of the same level that share a vertex with a node.
         let beside = (0..2_u32 << of_cloth.depth).flat_map(|node| {

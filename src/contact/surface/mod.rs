@@ -24,6 +24,8 @@ use crate::simd::MAX_LANES;
 /// The least distance at which a pair is held, where cloth coincides at rest: a share of the thickness, larger than what counts as
 /// touching.
 pub(crate) const LEAST_HELD: f32 = 2e-3;
+/// See [`Surface::allowance`].
+const FARTHER: f32 = 0.45;
 /// Bounds on [`Surface::max_margin`], in units of the thickness.
 const MAX_MARGIN: [f32; 2] = [0.3, 1.6];
 /// Limit on the margin as a share of the least height of the triangles, so that they do not tilt too far
@@ -58,10 +60,11 @@ pub(crate) struct Surface {
     bodies: u32,
     /// The triangles at each vertex.
     pub at: Csr<u32>,
-    /// For each vertex half of the least height (m) of the triangles around it, between a tenth of the thickness and the
-    /// thickness: a lower bound of half its distance at rest from features that are not adjacent. That of bodies is the
-    /// thickness.
-    pub half_gap: Vec<f32>,
+    /// How much farther (m) contact may move each vertex in a substep than it was about to move: [`FARTHER`] of half the least
+    /// height of the triangles around it, which is taken to be between a tenth of the thickness and the thickness. Pairs that are
+    /// closer than this lets both sides move are near, so that no such motion makes features meet unnoticed: see
+    /// [`reach`](pairs::reach).
+    pub allowance: Vec<f32>,
     /// Largest distance (m) that a vertex may stray from its path; any distance if it belongs to no triangle. It is limited
     /// so that where cloth lies flat, neighboring features are not listed because of it.
     pub max_margin: Vec<f32>,
@@ -137,7 +140,7 @@ impl Surface {
             owner: vec![0; vertices],
             bodies: 0,
             at: Csr::new(0, std::iter::empty()),
-            half_gap: heights.iter().map(|height| (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
+            allowance: heights.iter().map(|height| FARTHER * (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
             max_margin: heights.iter().map(max_margin).collect(),
             excess: Vec::new(),
         };
@@ -195,7 +198,7 @@ impl Surface {
         self.rest.resize(vertices, Vec4::ZERO);
         self.piece.resize(vertices, u32::MAX);
         self.owner.resize(vertices, owner);
-        self.half_gap.resize(vertices, thickness);
+        self.allowance.resize(vertices, FARTHER * thickness);
         self.max_margin.resize(vertices, if owner == 0 { FAR } else { 0.5 * thickness });
     }
 

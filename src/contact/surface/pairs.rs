@@ -35,6 +35,22 @@ impl Kind {
     }
 }
 
+/// The sum of the largest value at a corner of either side.
+#[inline(always)]
+pub(crate) fn sum_of_sides<L: Lanes>(kind: Kind, [a, b, c, d]: [L; 4]) -> L {
+    match kind {
+        Kind::VertexTriangle => a + b.max(c).max(d),
+        Kind::EdgeEdge => a.max(b) + c.max(d),
+    }
+}
+
+/// Sides that come closer than this (m), by what they are about to move, may meet in this substep: their thickness or, where that is
+/// less, how much farther contact may move them, by the [`allowance`](Surface::allowance) (m) of the corners.
+#[inline(always)]
+pub(crate) fn reach<L: Lanes>(kind: Kind, thickness: L, allowance: [L; 4]) -> L {
+    thickness.max(sum_of_sides(kind, allowance))
+}
+
 /// A listed pair.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Listed {

@@ -13,6 +13,8 @@ use crate::simd::Vector;
 
 /// Largest distance (relative to the extent of the body) of vertices that count as one.
 const SEAM: f32 = 1e-5;
+/// So many vertices of a part are tested, about.
+const TESTED: usize = 8;
 
 /// Whether a body has an inside: each side of each triangle is a side of exactly one other triangle, in the opposite
 /// direction. Vertices at the same place count as one, because many meshes have seams.
@@ -47,19 +49,28 @@ fn joined(positions: &[Vec3]) -> Vec<u32> {
     (0..).zip(positions).map(name_of).collect()
 }
 
-/// Moves vertices that are inside a body to the nearest point of its surface, and beyond it by the thickness. Returns
-/// their number.
+/// Moves the vertices of connected parts that are inside a body to the nearest points of its surface, and beyond it by the thickness.
+/// Returns their number. Nothing may cross, so that a part is inside a body if one of its vertices is: some are tested, because one may
+/// touch the surface.
 pub(crate) fn leave(tangle: &mut Tangle, bodies: &[&Mesh]) -> usize {
     let (mut count, thickness) = (0, tangle.thickness);
+    let Tangle { x, parts, .. } = tangle;
     for body in bodies {
         let [low, high] = body.bounds();
-        for x in tangle.x[..tangle.cloth_vertices].iter_mut().filter(|x| x.w > 0.0) {
-            let point = x.truncate();
-            if point.cmpge(low).all() && point.cmple(high).all() && is_inside(body, xyz(*x)) {
-                let surface = nearest(body, xyz(*x));
-                let out = (surface - xyz(*x)).normalize_or_zero();
-                *x = (surface + out * thickness).extend(x.w);
-                count += 1;
+        let is_inside = |at: Vec3| at.cmpge(low).all() && at.cmple(high).all() && is_inside(body, at.into());
+        for part in &*parts {
+            let mut tested = part.iter().step_by(part.len().div_ceil(TESTED));
+            if !tested.all(|&vertex| is_inside(x[vertex as usize].truncate())) {
+                continue;
+            }
+            for &vertex in part.iter() {
+                let x = &mut x[vertex as usize];
+                if x.w > 0.0 {
+                    let surface = nearest(body, xyz(*x));
+                    let out = (surface - xyz(*x)).normalize_or_zero();
+                    *x = (surface + out * thickness).extend(x.w);
+                    count += 1;
+                }
             }
         }
     }

@@ -21,7 +21,8 @@ use super::crossings::Features;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
-use crate::model::mesh::{EdgeIndex, Mesh, edges, is_proper, triangles_at};
+use crate::model::disjoint_sets::DisjointSets;
+use crate::model::mesh::{self, EdgeIndex, Mesh, edges, is_proper, triangles_at};
 
 /// Most rounds, and most rounds in a row without a decrease in the number of crossings.
 const ROUNDS: usize = 400;
@@ -40,8 +41,9 @@ const MOST_LEFT: f64 = 0.9;
 struct Tangle {
     /// Positions (m) of the cloth's vertices, then of the bodies'; `w` is 1 if the vertex may be moved, otherwise 0.
     x: Vec<Vec4>,
-    /// Number of the cloth's vertices.
+    /// Number of the cloth's vertices, and those of each of its connected parts.
     cloth_vertices: usize,
+    parts: Vec<Vec<u32>>,
     triangles: Vec<[u32; 3]>,
     edges: Vec<[u32; 2]>,
     /// The triangles at each edge.
@@ -62,11 +64,16 @@ impl Tangle {
         }
         let edges = edges(&triangles);
         let at_edges = triangles_at(&edges, &triangles, &EdgeIndex::new(&edges, all.len()));
-        Tangle { x: all, cloth_vertices: x.len(), triangles, edges, at_edges, thickness }
+        let part_of = DisjointSets::parts(x.len(), mesh::edges(&cloth.triangles).into_iter());
+        let mut parts = vec![Vec::new(); x.len()];
+        (0..).zip(part_of).for_each(|(vertex, part)| parts[part as usize].push(vertex));
+        parts.retain(|part| !part.is_empty());
+        Tangle { x: all, cloth_vertices: x.len(), parts, triangles, edges, at_edges, thickness }
     }
 
-    /// The crossings: an edge and a triangle each, at least one of which belongs to the cloth.
-    fn crossings(&self) -> Vec<[u32; 2]> {
+    /// The crossings: an edge and a triangle each, at least one of which belongs to the cloth. If there are too many pairs to test,
+    /// their number.
+    fn crossings(&self) -> Result<Vec<[u32; 2]>, usize> {
         let is_cloth = |vertex: u32| (vertex as usize) < self.cloth_vertices;
         let Tangle { edges, triangles, x, cloth_vertices, thickness, .. } = self;
         let features = Features { edges, triangles, x, cloth_vertices: *cloth_vertices, thickness: *thickness };
@@ -112,7 +119,7 @@ fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh]) ->
     let mut settled = x;
     for _ in 0..SETTLES {
         (0..PASSES).for_each(|_| tangle.relax(cloth));
-        if inside::leave(&mut tangle, solids) > 0 || !tangle.crossings().is_empty() {
+        if !tangle.crossings().is_ok_and(|found| found.is_empty()) || inside::leave(&mut tangle, solids) > 0 {
             break;
         }
         settled.clone_from(&tangle.x);
@@ -122,20 +129,20 @@ fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh]) ->
 
 /// Moves the cloth's vertices `x` (m; `w` is the inverse mass, 0 where a vertex is fixed) until no edge of the cloth
 /// passes through a triangle of the cloth or of a body, or no further progress is made. Leaves them where they are if nearly all
-/// crossings remain. Returns the numbers of crossings before and after.
-pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness: f32) -> [usize; 2] {
+/// crossings remain. Returns the numbers of crossings before and after; if there are too many pairs to test, their number.
+pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness: f32) -> Result<[usize; 2], usize> {
     let mut tangle = Tangle::new(cloth, x, bodies, thickness);
     let solids: Vec<&Mesh> = bodies.iter().filter(|body| inside::is_closed(body)).collect();
     let lengths: f32 = cloth.links.iter().map(|link| link.rest).sum();
     let step = STEP * lengths / cloth.links.len().max(1) as f32;
-    let mut found = tangle.crossings();
+    let mut found = tangle.crossings()?;
     let before = found.len();
     let (mut best, mut since, mut is_moved, mut was_inside) = ((before, tangle.x.clone()), 0, false, false);
     for _ in 0..ROUNDS {
         if found.is_empty() {
             let left = inside::leave(&mut tangle, &solids);
             (is_moved, was_inside) = (is_moved || left > 0, was_inside || left > 0);
-            found = tangle.crossings();
+            found = tangle.crossings()?;
             // Cloth that was inside of a body crossed nothing either, but is not to stay there.
             (best, since) = ((found.len(), tangle.x.clone()), 0);
             if found.is_empty() {
@@ -145,7 +152,7 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
         tangle.shorten_contours(&found, step);
         (0..PASSES).for_each(|_| tangle.relax(cloth));
         is_moved = true;
-        found = tangle.crossings();
+        found = tangle.crossings()?;
         since += 1;
         if found.len() < best.0 {
             (best, since) = ((found.len(), tangle.x.clone()), 0);
@@ -155,11 +162,11 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
     }
     let (after, mut to) = best;
     if !was_inside && before > 0 && after as f64 > MOST_LEFT * before as f64 {
-        return [before; 2];
+        return Ok([before; 2]);
     }
     if after == 0 && is_moved {
         to = settled(tangle, to, cloth, &solids);
     }
     x.iter_mut().zip(to).for_each(|(x, to)| *x = to.with_w(x.w));
-    [before, after]
+    Ok([before, after])
 }

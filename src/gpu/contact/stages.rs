@@ -79,7 +79,7 @@ impl Stages {
             let by_truncate = [VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE];
             let of_pairs =
                 |round| stage_with(shaders::TRUNCATION, "truncate", &by_truncate, &[("AGAIN", again), ("ROUND", round)]);
-            let by_finish = [VERTICES, TRACKS, SUMS, CONTACT_STATE, X_OUT, P_OUT];
+            let by_finish = [TABLE, VERTICES, TRACKS, SUMS, CONTACT_STATE, X_OUT, P_OUT];
             let finish = stage_with(shaders::FINISH, "finish", &by_finish, &[("AGAIN", again)]);
             [of_pairs(0.0), of_pairs(1.0), of_pairs(2.0), finish]
         };
@@ -109,7 +109,7 @@ impl Stages {
             descend: stage(shaders::DESCENT, "descend", &[TABLE, NODES, CONTACT_STATE, SCRATCH]),
             compare: stage(shaders::BROAD_PHASE, "compare", &[TABLE, CONTACT_STATE, BOXES, SCRATCH]),
             measure: stage(shaders::NARROW_PHASE, "measure", &[TABLE, TRACKS, BUCKETS, PAIRS, CONTACT_STATE, IGNORED, SCRATCH]),
-            glance: stage(shaders::NEAR, "glance", &[VERTICES, PAIRS, CONTACT_STATE]),
+            glance: stage(shaders::NEAR, "glance", &[TABLE, VERTICES, PAIRS, CONTACT_STATE]),
             find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE]),
             warm_start: of_few_or_many("warm_start"),
             step: of_few_or_many("step_pairs"),

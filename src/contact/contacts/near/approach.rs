@@ -41,8 +41,10 @@ impl PatchMotion {
 
 /// An upper bound on how much any pair of a bunch has approached since the pairs were listed.
 ///
-/// A pair that had the distance `d` (m) when the total was `t` (m) cannot be closer than its thickness before the total is
-/// `t + d - thickness`, which is stored for the pair as `safe_until` (m).
+/// A pair that had the distance `d` (m) when the total was `t` (m) cannot be closer than its [reach] before the total is
+/// `t + d - reach`, which is stored for the pair as `safe_until` (m).
+///
+/// [reach]: crate::contact::surface::pairs::reach
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct ApproachBound {
     /// The sum over the substeps so far (m), which never decreases.

@@ -9,7 +9,7 @@ pub(crate) mod voronoi;
 use glam::Vec4;
 
 use crate::contact::surface::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
-use crate::contact::surface::pairs::{Kind, between, closest};
+use crate::contact::surface::pairs::{Kind, between, closest, reach, sum_of_sides};
 use crate::kernels::pair::{is_tilted, perpendicular};
 use crate::kernels::plane::clearance;
 use crate::simd::{Bits, Loop, MAX_LANES, Registers, Vector};
@@ -29,20 +29,21 @@ struct Proximity<L: Registers> {
     near: L::Mask,
     weights: [L; 4],
     distance: L,
-    /// What is left of the distance if both sides approach as fast as they can.
+    /// What is left of the distance if both sides move as they are about to, and below which the pair is near.
     left: L,
+    reach: L,
     normal: Vector<L>,
     x: [Vector<L>; 4],
 }
 
 /// Finds the closest points of the pairs with the given corners. The positions' w is how far (m) vertices are about to
-/// move relative to the common motion.
+/// move relative to the common motion, and the displacements' how much farther contact may move them.
 #[inline(always)]
 fn proximity_of<L: Registers>(
     kind: Kind,
-    x: &[Vec4],
+    [x, u]: [&[Vec4]; 2],
     corners: &[[u32; 4]],
-    thickness: L,
+    [thickness, full]: [L; 2],
     most_push: L,
     is_pair: L::Mask,
 ) -> Proximity<L> {
@@ -50,14 +51,13 @@ fn proximity_of<L: Registers>(
     let (x, travel) = whole_corners_of::<L>(x, corners);
     let weights = closest(kind, x);
     let apart = between(weights, x);
-    let (a, b) = match kind {
-        Kind::VertexTriangle => (travel[0], travel[1].max(travel[2]).max(travel[3])),
-        Kind::EdgeEdge => (travel[0].max(travel[1]), travel[2].max(travel[3])),
-    };
     let distance = apart.dot(apart).sqrt();
-    let left = distance - a - b - most_push;
+    let left = distance - sum_of_sides(kind, travel) - most_push;
+    // The full thickness is more than contact lets any vertices move.
+    let is_thin = L::bits(thickness.lt(full)) != 0;
+    let reach = if is_thin { reach(kind, thickness, whole_corners_of::<L>(u, corners).1) } else { thickness };
     // A vector of no length has no direction.
-    let near = L::and(is_pair, L::and(left.lt(thickness), L::splat(1e-12).lt(distance)));
+    let near = L::and(is_pair, L::and(left.lt(reach), L::splat(1e-12).lt(distance)));
     let mut normal = apart * (one / distance);
     let is_tilted = is_tilted(distance, thickness, x, kind == Kind::EdgeEdge);
     if L::bits(L::and(is_tilted, near)) != 0 {
@@ -67,7 +67,7 @@ fn proximity_of<L: Registers>(
         let is_exact = L::and(is_tilted, (distance * half).lt(length));
         normal = Vector::select(is_exact, Vector::new(exact.x / length, exact.y / length, exact.z / length), normal);
     }
-    Proximity { near, weights, distance, left, normal: Vector::select(near, normal, Vector::zero()), x }
+    Proximity { near, weights, distance, left, reach, normal: Vector::select(near, normal, Vector::zero()), x }
 }
 
 impl<L: Registers> Proximity<L> {
@@ -158,7 +158,7 @@ impl Loop for Find<'_> {
     fn run<L: Registers>(self) {
         let Find { corners, thickness, x, u, safe_until, most_push, around, portion } = self;
         let Portion { kind, blocks, joining, due_pairs, bunches, .. } = portion;
-        let (kind, most_push) = (*kind, L::splat(2.0 * most_push));
+        let (kind, most_push, full) = (*kind, L::splat(2.0 * most_push), L::splat(around.surface.thickness));
         blocks.clear();
         joining.clear();
         due_pairs.select::<L>(safe_until, &bunches.approach);
@@ -168,11 +168,11 @@ impl Loop for Find<'_> {
         for (places, (corners, thickness)) in due_pairs.places.chunks(L::LANES).zip(all) {
             let thickness = L::from_slice(thickness);
             let is_pair = number::<L>(&LANE, 0).lt(L::splat(places.len() as f32));
-            let proximity = proximity_of(kind, x, corners, thickness, most_push, is_pair);
-            let far = L::bits(L::and(is_pair, thickness.lt(proximity.left)));
+            let proximity = proximity_of(kind, [x, u], corners, [thickness, full], most_push, is_pair);
+            let far = L::bits(L::and(is_pair, proximity.reach.lt(proximity.left)));
             if far != 0 {
                 let mut at = [0.0; MAX_LANES];
-                store(&mut at, proximity.distance - thickness);
+                store(&mut at, proximity.distance - proximity.reach);
                 for lane in Bits(far.into()) {
                     let place = usize::from(places[lane]);
                     safe_until[place] = bunches.approach[place / BUNCH].total + at[lane];
@@ -219,14 +219,15 @@ impl Loop for FindAgain<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let FindAgain { kind, groups, weights, x, u, most_push, around } = self;
-        let (zero, most_push) = (L::splat(0.0), L::splat(2.0 * most_push));
+        let (zero, most_push, full) = (L::splat(0.0), L::splat(2.0 * most_push), L::splat(around.surface.thickness));
         for (group, to) in groups.iter_mut().zip(weights) {
             group.block.near = 0;
             for first in (0..MAX_LANES).step_by(L::LANES) {
                 let lanes = first..first + L::LANES;
                 let is_pair = number::<L>(&LANE, first).lt(L::splat(group.count as f32));
                 let thickness = number::<L>(&group.thickness, first);
-                let proximity = proximity_of(kind, x, &group.block.corners[lanes.clone()], thickness, most_push, is_pair);
+                let corners = &group.block.corners[lanes.clone()];
+                let proximity = proximity_of(kind, [x, u], corners, [thickness, full], most_push, is_pair);
                 proximity.note(kind, thickness, &mut group.block, first);
                 let (acts, [free, last]) = proximity.acting(
                     kind,

@@ -111,7 +111,7 @@ impl Tree {
         };
         tree.rest = (0..1 << tree.leaves.depth).map(boxed).collect();
         let leaf_of = tree.leaf_of.clone();
-        // The leaves around each vertex. One of a fan is in few leaves, however many triangles it has.
+        // The leaves around each vertex.
         let corners = surface.triangles.iter().zip(&leaf_of);
         let mut around: Vec<(u32, u32)> = corners.flat_map(|(corners, &leaf)| corners.map(|vertex| (vertex, leaf))).collect();
         around.sort_unstable();
