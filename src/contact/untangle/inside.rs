@@ -63,7 +63,7 @@ pub(crate) fn leave(tangle: &mut Tangle, bodies: &[&Mesh]) -> usize {
             if !tested.all(|&vertex| is_inside(x[vertex as usize].truncate())) {
                 continue;
             }
-            for &vertex in part.iter() {
+            for &vertex in part {
                 let x = &mut x[vertex as usize];
                 if x.w > 0.0 {
                     let surface = nearest(body, xyz(*x));
