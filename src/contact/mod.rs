@@ -124,6 +124,8 @@ pub(crate) struct TriangleContact {
     /// where cloth is pinched.
     ignored: IgnoredPairs,
     may_cross: bool,
+    /// Vertices that contact has led off their paths in this step, around which there may be others, too.
+    drifted: Vec<u32>,
     /// In this step, pins move, or mesh bodies move and there are pins. Kinematic vertices may be made to intersect.
     kinematics_moved: bool,
     push: Pushes,
@@ -156,6 +158,7 @@ impl TriangleContact {
             paths: Paths::default(),
             ignored: IgnoredPairs::default(),
             may_cross: true,
+            drifted: Vec::new(),
             kinematics_moved: false,
             push: Pushes::default(),
             max_carry: 0.0,
@@ -207,6 +210,7 @@ impl TriangleContact {
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.too_many, self.max_carry) = (Tally::default(), 0, 0.0);
         self.ignored.begin();
+        self.drifted.clear();
         self.save();
         let jumped = self.bodies.begin(plan, self.friction);
         self.bodies.place(plan, self.surface.thickness, x, u);
@@ -310,7 +314,7 @@ impl TriangleContact {
             // Pairs that are not listed stay apart only as long as vertices move about as detection assumed.
             let cloth = ..self.bodies.first;
             let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
-            self.may_cross |= self.contacts.finish([x, u], push, drift, workers);
+            self.drifted.extend(self.contacts.finish([x, u], push, drift, workers));
             if lost != DVec3::ZERO && returns_momentum(plan) {
                 give_back(plan.cloth, lost, u, workers);
             }
@@ -322,10 +326,10 @@ impl TriangleContact {
     /// Ends a step at positions `x` (m), which those of bodies reach by `u` (m): puts what belongs to its state in the lists, counts
     /// what is squeezed, and searches for what may cross.
     pub(crate) fn end(&mut self, x: &[Vec4], u: &[Vec4], workers: Workers<'_>) {
-        if self.may_cross && self.too_many == 0 {
+        if (self.may_cross || !self.drifted.is_empty()) && self.too_many == 0 {
             let first = self.bodies.first;
             let ends: Vec<Vec4> = x[..first].iter().copied().chain((first..x.len()).map(|i| x[i] + u[i].with_w(0.0))).collect();
-            if ends.iter().all(|x| x.is_finite()) {
+            if ends.iter().all(|x| x.is_finite()) && self.may_cross_at(&ends) {
                 self.ignored.find(&self.surface, &ends);
                 self.may_cross = false;
                 self.paths.end();
@@ -334,6 +338,13 @@ impl TriangleContact {
         // Without near pairs in the last substep, the contacts are those of another one.
         self.tally.squeezed = if self.tally.near > 0 { self.contacts.squeezed() as u32 } else { 0 };
         self.contacts.store_multipliers(&mut self.lists, workers);
+    }
+
+    /// Whether there may be unknown intersections with all vertices at the positions `x` (m).
+    fn may_cross_at(&mut self, x: &[Vec4]) -> bool {
+        let drifted = std::mem::take(&mut self.drifted);
+        self.may_cross |= IgnoredPairs::cross_around(&self.surface, x, drifted);
+        self.may_cross
     }
 
     /// Moves vertices out of the colliders, by displacements and by corrections that are not part of them.

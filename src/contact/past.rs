@@ -117,6 +117,7 @@ impl TriangleContact {
             may_cross,
             h,
             // These follow from the cloth and the options, or are recomputed in each substep.
+            drifted: _,
             kinematics_moved: _,
             surface: _,
             friction: _,

@@ -39,7 +39,10 @@ fn finish(
             vertices[i].way = vec4f(vertices[i].way.xyz * share, vertices[i].way.w);
         }
         if drifts(i, u) {
-            atomicStore(&contact_state.status.jumped, 1u);
+            let at = atomicAdd(&contact_state.status.drifted, 1u);
+            if at < DRIFTED {
+                contact_state.drifted[at] = i;
+            }
         }
         x_out[i] = vec4f(vertices[i].x.xyz + push + u, w);
         p_out[i] = vec4f(u, params.h);

@@ -179,25 +179,28 @@ struct Status {
     needed_carry: atomic<u32>,
     // Number of pairs of this substep that are squeezed.
     squeezed: atomic<u32>,
-    // Whether a vertex was pushed out of colliders by more than the thickness in this step, or drifts (1 or 0). It may jump over
-    // others.
+    // Whether a vertex was pushed out of colliders by more than the thickness in this step (1 or 0). It may jump over others.
     jumped: atomic<u32>,
     // Whether truncation shortens a displacement in this substep, and its second round one that the first one has not (1 or 0).
     shortens: atomic<u32>,
     cuts_more: atomic<u32>,
+    // Number of times that vertices drift in this step.
+    drifted: atomic<u32>,
 }
 
-// There is room for so many pairs that are pinched. There may be more.
+// There is room for so many pairs that are pinched, and vertices that drift. There may be more.
 const PINCHED: u32 = 64u;
+const DRIFTED: u32 = 256u;
 // Marks a vertex of a pair that is pinched, or whose plane has passed a vertex: the first of a pair of edges, and the second of a
 // pair that has moved through each other.
 const MARK: u32 = 0x80000000u;
 
-// The status, and the corners of pinched pairs, followed by the workgroups' parts of a reduction over the cloth, and by
+// The status, the corners of pinched pairs and the vertices that drift, followed by the workgroups' parts of a reduction over the cloth, and by
 // those over mesh colliders.
 struct ContactState {
     status: Status,
     pinched: array<vec4u, PINCHED>,
+    drifted: array<u32, DRIFTED>,
     parts: array<Part>,
 }
 

@@ -9,7 +9,8 @@ pub(super) mod response;
 pub(super) mod truncation;
 pub(super) mod vertex_pairs;
 
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::AtomicU32;
+use std::sync::{Mutex, PoisonError};
 
 use glam::{DVec3, Vec3A, Vec4};
 
@@ -272,24 +273,24 @@ impl Contacts {
     }
 
     /// Writes displacements and positions back to the state. `push` are the corrections of positions by colliders;
-    /// empty if there are none. Returns whether contact moves a vertex elsewhere than it was about to move, and beyond its margin by
-    /// [`drift`](crate::contact::detection::paths::Paths::drift), both by more than its allowance: two that do so may get through each
-    /// other if they are not listed as a pair.
+    /// empty if there are none. Returns the vertices that contact moves elsewhere than they were about to move, and beyond their margins
+    /// by [`drift`](crate::contact::detection::paths::Paths::drift), both by more than their allowance: two that do so may get through
+    /// each other if they are not listed as a pair.
     pub(crate) fn finish(
         &self,
         [x, u]: [&mut [Vec4]; 2],
         push: &[Vec4],
         drift: impl Fn(usize, Vec3A, Vec3A) -> f32 + Sync,
         workers: Workers<'_>,
-    ) -> bool {
+    ) -> Vec<u32> {
         let part = workers.part(x.len(), GRAIN);
-        let found = AtomicBool::new(false);
+        let found = Mutex::new(Vec::new());
         let note = |vertex: &Vertex, before: Vec4, after: Vec4| {
             let most = vertex.allowance;
             if xyz(after - before).length_squared() > most * most
                 && drift(vertex.index as usize, xyz(vertex.x), xyz(after)) > most
             {
-                found.store(true, Ordering::Relaxed);
+                found.lock().unwrap_or_else(PoisonError::into_inner).push(vertex.index);
             }
         };
         workers.each(x.chunks_mut(part).zip(u.chunks_mut(part)).enumerate(), |(index, (x, u))| {
@@ -317,7 +318,7 @@ impl Contacts {
                 *x += push.extend(0.0);
             }
         });
-        found.into_inner()
+        found.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use glam::{Vec3, Vec4};
 
-use super::Features;
 use super::apart::apart;
+use super::{Features, pierced};
 use crate::contact::contacts::pinches::Pinched;
 use crate::contact::surface::Surface;
 use crate::contact::surface::pairs::{Kind, Listed, crossing_of};
@@ -15,6 +15,8 @@ use crate::options::Crossing;
 /// The rings of triangles around known intersections in which others are searched for, for which one would suffice, and in which
 /// nothing is carried.
 const RINGS: usize = 2;
+/// From one in so many vertices on, a search around them takes as long as one of everything.
+const MANY: usize = 16;
 
 /// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
 #[derive(Debug, Default)]
@@ -63,6 +65,24 @@ impl IgnoredPairs {
             self.take(found, surface);
         }
         are_new
+    }
+
+    /// Whether anything intersects the features at some vertices of the cloth, or merely touches them. If these are many, it is not
+    /// found out.
+    pub(crate) fn cross_around(surface: &Surface, x: &[Vec4], mut vertices: Vec<u32>) -> bool {
+        vertices.sort_unstable();
+        vertices.dedup();
+        if vertices.is_empty() || MANY * vertices.len() > surface.cloth_vertices() {
+            return !vertices.is_empty();
+        }
+        let triangles: BTreeSet<u32> = vertices.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
+        let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
+        let triangles: Vec<[u32; 3]> = triangles.into_iter().map(|triangle| surface.triangles[triangle as usize]).collect();
+        let edges: Vec<[u32; 2]> = edges.into_iter().map(|edge| surface.edges[edge as usize]).collect();
+        let (x, _) = features(surface, x).in_general_position();
+        let [of_edges, of_triangles] = [(&edges, &surface.triangles), (&surface.edges, &triangles)]
+            .map(|(edges, triangles)| pierced(edges, triangles, &x, &mut { usize::MAX }, |a, b| surface.may_collide(a, b)));
+        !(of_edges.is_empty() && of_triangles.is_empty())
     }
 
     /// Begins a step.

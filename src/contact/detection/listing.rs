@@ -42,6 +42,7 @@ impl TriangleContact {
         if self.kinematics_moved && !self.may_cross {
             self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x);
         }
+        self.may_cross_at(path.x);
         let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
         let is_known = !self.may_cross && self.ignored.crossings.is_empty();
         let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());

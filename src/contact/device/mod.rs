@@ -39,6 +39,8 @@ pub(crate) struct HostContact {
     pub ignored: IgnoredPairs,
     may_cross: bool,
     pinched: Vec<u32>,
+    /// The vertices that contact led off their paths in the last step.
+    drifted: Vec<u32>,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
 }
@@ -92,6 +94,7 @@ impl HostContact {
             ignored: IgnoredPairs::default(),
             may_cross: true,
             pinched: Vec::new(),
+            drifted: Vec::new(),
             motions: Vec::new(),
         };
         Some((contact, params, table))
@@ -135,6 +138,7 @@ impl HostContact {
         self.may_cross = true;
         self.bodies.forget();
         self.pinched.clear();
+        self.drifted.clear();
     }
 
     /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped, and
@@ -175,16 +179,17 @@ impl HostContact {
     /// are known have changed.
     fn search(&mut self, x: &[Vec4]) -> bool {
         let HostContact { surface, ignored, .. } = self;
-        let pinched = std::mem::take(&mut self.pinched);
-        if std::mem::take(&mut self.may_cross) {
+        let (pinched, drifted) = (std::mem::take(&mut self.pinched), std::mem::take(&mut self.drifted));
+        if std::mem::take(&mut self.may_cross) || IgnoredPairs::cross_around(surface, x, drifted) {
             ignored.find(surface, x);
             return true;
         }
         ignored.follow(surface, x, &pinched)
     }
 
-    /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, and whether these `are_all`.
-    pub(crate) fn note_pinched(&mut self, marked: &[[u32; 4]], are_all: bool) {
+    /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, the vertices that drifted, and whether these `are_all`.
+    pub(crate) fn note_pinched(&mut self, marked: &[[u32; 4]], drifted: &[u32], are_all: bool) {
+        self.drifted = drifted.to_vec();
         self.may_cross |= !are_all;
         let pinched = marked.iter().map(|marked| {
             let [is_edge, is_through, ..] = marked.map(|corner| corner & MARK != 0);
@@ -199,7 +204,7 @@ impl HostContact {
 
     /// Whether cloth may have been pinched in the last step.
     pub(crate) fn is_pinched(&self) -> bool {
-        self.may_cross || !self.pinched.is_empty()
+        self.may_cross || !self.pinched.is_empty() || !self.drifted.is_empty()
     }
 
     /// Searches for what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m). Returns

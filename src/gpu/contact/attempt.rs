@@ -120,7 +120,8 @@ impl GpuContact {
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
             let (pinched, are_all) = readback.pinched();
-            self.on_cpu.note_pinched(pinched, are_all && status.jumped == 0);
+            let (drifted, has_all) = readback.drifted();
+            self.on_cpu.note_pinched(pinched, drifted, are_all && has_all && status.jumped == 0);
             return Ok(Judgment::Good);
         }
         self.choice.change(status.stopped, needed > 0);

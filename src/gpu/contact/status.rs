@@ -54,7 +54,7 @@ pub(crate) struct Status {
     pub jumped: u32,
     pub shortens: u32,
     pub cuts_more: u32,
-    pub padding: u32,
+    pub drifted: u32,
 }
 
 impl Status {
@@ -77,12 +77,14 @@ impl Status {
     }
 }
 
-/// What the CPU reads after a step: the status, and the corners of the pairs that are pinched, as far as there is room.
+/// What the CPU reads after a step: the status, and as far as there is room the corners of the pairs that are pinched and the vertices
+/// that drift.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct StatusReadback {
     pub status: Status,
     pub pinched: [[u32; 4]; PINCHED],
+    pub drifted: [u32; DRIFTED],
 }
 
 impl StatusReadback {
@@ -90,6 +92,12 @@ impl StatusReadback {
     pub(super) fn pinched(&self) -> (&[[u32; 4]], bool) {
         let count = self.status.pinched as usize;
         (&self.pinched[..count.min(PINCHED)], count <= PINCHED)
+    }
+
+    /// The vertices that drifted, as far as there is room, and whether these are all.
+    pub(super) fn drifted(&self) -> (&[u32], bool) {
+        let count = self.status.drifted as usize;
+        (&self.drifted[..count.min(DRIFTED)], count <= DRIFTED)
     }
 }
 
@@ -113,8 +121,9 @@ pub(crate) struct Track {
     pub by: Vec4,
 }
 
-/// `PINCHED` of `shared.wgsl`.
+/// `PINCHED` and `DRIFTED` of `shared.wgsl`.
 pub(crate) const PINCHED: usize = 64;
+pub(crate) const DRIFTED: usize = 256;
 /// Sizes in bytes of structs that only the shaders access, for buffers.
 pub(super) const VERTEX: usize = 64;
 pub(super) const TRACK: usize = 32;
