@@ -40,10 +40,10 @@ impl Contacts {
     /// found for vertices that move farther than [`ContactInput::max_carry`] besides the common motion; if there are such,
     /// carries nothing.
     pub(crate) fn carry(&mut self, input: ContactInput<'_>, mut lost: DVec3) -> HoldOutcome {
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let pairs = self.run_over(input);
-            let travel = pairs.iter().map(|pair| xyz(self.relative[pair.leader as usize]).length()).fold(0.0, f32::max);
-            if travel > input.max_carry {
+            let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
+            if round == 0 && travel > input.max_carry {
                 return HoldOutcome::NeedsCarry(travel);
             }
             if pairs.is_empty() {
