@@ -343,7 +343,7 @@ impl TriangleContact {
     /// Whether there may be unknown intersections with all vertices at the positions `x` (m).
     fn may_cross_at(&mut self, x: &[Vec4]) -> bool {
         let drifted = std::mem::take(&mut self.drifted);
-        self.may_cross |= IgnoredPairs::cross_around(&self.surface, x, drifted);
+        self.may_cross = self.may_cross || IgnoredPairs::cross_around(&self.surface, x, drifted);
         self.may_cross
     }
 

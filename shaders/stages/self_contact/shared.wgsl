@@ -195,8 +195,8 @@ const DRIFTED: u32 = 256u;
 // pair that has moved through each other.
 const MARK: u32 = 0x80000000u;
 
-// The status, the corners of pinched pairs and the vertices that drift, followed by the workgroups' parts of a reduction over the cloth, and by
-// those over mesh colliders.
+// The status, the corners of pinched pairs and the vertices that drift, followed by the workgroups' parts of a reduction over the
+// cloth, and by those over mesh colliders.
 struct ContactState {
     status: Status,
     pinched: array<vec4u, PINCHED>,

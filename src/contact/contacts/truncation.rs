@@ -10,8 +10,9 @@
 //! spins by a third of a cell in a substep would be slowed down by its own neighbors. So a pair is [clear](Shares) if it stays
 //! apart where its corners go, and its plane holds only pairs that are not, and then those of which a corner was shortened, until
 //! there are no more. Pairs that are not near need no plane: truncation lets no vertex move farther than it was about to before the
-//! response, apart from an [allowance](crate::contact::surface::Surface::allowance). The momentum that truncation removes is returned to the cloth as a whole where
-//! [possible](crate::contact::returns_momentum), else crumpled cloth would drive itself, and hover.
+//! response, apart from an [allowance](crate::contact::surface::Surface::allowance). The momentum that truncation removes is
+//! returned to the cloth as a whole where [possible](crate::contact::returns_momentum), else crumpled cloth would drive itself, and
+//! hover.
 //!
 //! One factor shortens a displacement along the plane, too, so cloth that is pressed against a mesh body would stick to it whatever
 //! the friction. Therefore a displacement first loses what leads it beyond the planes of pairs with a kinematic side: it slides.

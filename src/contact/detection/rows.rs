@@ -104,17 +104,14 @@ impl Rows {
         }
     }
 
-    /// Adds the pairs among these that are not listed yet; `listed` is a buffer.
-    pub(crate) fn append<'a>(&mut self, found: impl Iterator<Item = &'a (u32, Listed)> + Clone, listed: &mut Vec<[u32; 2]>) {
-        let mut rows: Vec<u32> = found.clone().map(|&(row, _)| row).collect();
-        rows.sort_unstable();
-        rows.dedup();
-        listed.clear();
-        listed.extend(self.later().map(|(row, pair, _)| [row, pair.other]));
-        listed.extend(rows.iter().flat_map(|&row| self.pairs[self.row(row)].iter().map(move |pair| [row, pair.other])));
-        listed.sort_unstable();
+    /// Adds the pairs among these that are not listed yet; `later` is a buffer.
+    pub(crate) fn append<'a>(&mut self, found: impl Iterator<Item = &'a (u32, Listed)>, later: &mut Vec<[u32; 2]>) {
+        later.clear();
+        later.extend(self.later().map(|(row, pair, _)| [row, pair.other]));
+        later.sort_unstable();
         for &(row, pair) in found {
-            if listed.binary_search(&[row, pair.other]).is_err() {
+            let is_listed = self.row(row).any(|place| self.pairs[place].other == pair.other);
+            if !is_listed && later.binary_search(&[row, pair.other]).is_err() {
                 self.later.push(row);
                 self.pairs.push(pair);
                 self.lambda.push(Vec4::ZERO);
