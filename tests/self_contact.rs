@@ -474,7 +474,6 @@ fn pins_led_through_pins_are_reported() {
     assert!(deformer.velocities().unwrap().iter().all(|v| v.length() < 3.0));
 }
 
-/// All vertices in one point: an error or a step, but no endless loop.
 /// A panel with a pocket: a patch of its middle again, 1 or 2 mm above it and sewn on by its border. It is hit by a small sheet at 4 m/s,
 /// in so few substeps that contact moves the pocket by more in one than the layers are apart. They are held apart by half of their
 /// distance at rest only, and pairs were near only if they could come as close by what they were about to move: the hit drove one layer
@@ -508,6 +507,7 @@ fn layers_of_one_piece_stay_apart(backend: Backend) {
     }
 }
 
+/// All vertices in one point: an error or a step, but no endless loop.
 #[test]
 fn all_cloth_in_one_place_is_no_trap() {
     for n in [6, 50, 90] {

@@ -2,7 +2,6 @@
 //
 // Each iteration of the response is a dispatch over pairs, followed by one over vertices that applies the sums.
 
-
 // Whether a workgroup collects the sums of its pairs, which share vertices, in its own memory first. That adds faster, but takes
 // some time even if there is little to add.
 override COLLECTS: bool = false;

@@ -24,7 +24,7 @@ use crate::simd::MAX_LANES;
 /// The least distance at which a pair is held, where cloth coincides at rest: a share of the thickness, larger than what counts as
 /// touching.
 pub(crate) const LEAST_HELD: f32 = 2e-3;
-/// See [`Surface::allowance`].
+/// [`Surface::allowance`] as a share of half the least height of the triangles around a vertex.
 const FARTHER: f32 = 0.45;
 /// Bounds on [`Surface::max_margin`], in units of the thickness.
 const MAX_MARGIN: [f32; 2] = [0.3, 1.6];
