@@ -22,7 +22,7 @@ use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
-use crate::model::mesh::{self, EdgeIndex, Mesh, edges, is_proper, triangles_at};
+use crate::model::mesh::{EdgeIndex, Mesh, edges, is_proper, triangles_at};
 
 /// Most rounds, and most rounds in a row without a decrease in the number of crossings.
 const ROUNDS: usize = 400;
@@ -64,7 +64,8 @@ impl Tangle {
         }
         let edges = edges(&triangles);
         let at_edges = triangles_at(&edges, &triangles, &EdgeIndex::new(&edges, all.len()));
-        let part_of = DisjointSets::parts(x.len(), mesh::edges(&cloth.triangles).into_iter());
+        let own_edges = edges.iter().copied().filter(|[a, _]| (*a as usize) < x.len());
+        let part_of = DisjointSets::parts(x.len(), own_edges);
         let mut parts = vec![Vec::new(); x.len()];
         (0..).zip(part_of).for_each(|(vertex, part)| parts[part as usize].push(vertex));
         parts.retain(|part| !part.is_empty());
