@@ -265,7 +265,7 @@ impl Deformer {
         check_time_step(dt)?;
         let thickness = self.check(attributes)?;
         let seen = self.seen.as_ref();
-        let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen);
+        let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen, self.late());
         let load = Load::of(&self.cloth, &self.motion, attributes, dt, seen, &fastest, thickness);
         let has_contact = thickness.is_some();
         let trades_levels = !has_contact && self.trades_levels(load.lasting_pressure);

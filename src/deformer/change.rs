@@ -88,7 +88,7 @@ impl Deformer {
         let at = |(place, &vertex): (&Option<usize>, &u32)| place.map_or(x[vertex as usize].truncate(), |place| pins[place]);
         let pins = place.iter().zip(&cloth.pinned).map(at).collect();
         // The first pins of cloth that moves as a whole stop it.
-        let course = if self.cloth.has_pins() { Vec3::ZERO } else { self.motion.course };
+        let course = self.motion.course_of_free(&self.cloth);
         let velocity =
             |place: &Option<usize>| place.map_or(course, |place| pin_velocities.get(place).copied().unwrap_or_default());
         let pin_velocities = match pin_velocities.is_empty() && course == Vec3::ZERO {

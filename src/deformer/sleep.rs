@@ -31,7 +31,7 @@ impl Deformer {
         let Some(sleep) = self.options.sleep else { return };
         let late = self.late();
         // Without pins, speeds are counted relative to the course.
-        let travels = self.motion.course != Vec3::ZERO;
+        let travels = self.motion.course_of_free(&self.cloth) != Vec3::ZERO;
         let moves =
             |seen: &Statistics| travels || seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
         let Stillness { attributes: last, time } = &mut self.still;

@@ -122,10 +122,6 @@ impl Deformer {
         self.motion = Motion::placed(cloth, x, &p);
         let led = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
         self.motion.pin_velocities = led.collect();
-        let free =
-            p.iter().zip(&cloth.rest).take(cloth.used).filter(|(_, rest)| rest.w > 0.0).map(|(p, _)| p.truncate().as_dvec3());
-        let (sum, count) = free.fold((DVec3::ZERO, 0), |(sum, count), p| (sum + p, count + 1));
-        self.motion.set_course((sum / f64::from(count.max(1))).as_vec3());
         self.watch = self.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.flat_start = FlatStart::placed(x, &p, &self.cloth);

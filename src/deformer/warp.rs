@@ -44,7 +44,8 @@ impl Deformer {
         self.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
         self.motion.course = rigid.vector(self.motion.course);
-        self.motion.placed = self.motion.placed.map(|_| Place::of(&x, &p));
+        let course = self.motion.course_of_free(&self.cloth);
+        self.motion.placed = self.motion.placed.map(|_| Place::of(&x, &p, course));
         self.motion.colliders.clear();
         self.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
         self.wake();

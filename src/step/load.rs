@@ -49,18 +49,29 @@ pub(crate) struct Fastest {
     pub any_collider: f64,
     /// The displacement (m) of the pins, or of cloth without any: see [`Motion::drift`].
     pub drift: Vec3,
+    /// Where the cloth may be in the step, as far as that is known.
+    pub place: Option<Place>,
 }
 
 impl Fastest {
-    /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics.
-    pub(crate) fn of(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, seen: Option<&Statistics>) -> Fastest {
+    /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics, and
+    /// `age` (s) the time since then.
+    pub(crate) fn of(
+        cloth: &Cloth,
+        motion: &Motion,
+        attributes: &Attributes,
+        dt: f64,
+        seen: Option<&Statistics>,
+        age: f32,
+    ) -> Fastest {
         let drift = motion.drift(cloth, attributes.pin_targets.as_deref(), dt as f32);
         // The statistics count speeds relative to the drift.
         let common = motion.last_drift(cloth).as_dvec3();
         let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
         let common = if goes_along { common } else { DVec3::ZERO };
-        let place = motion.place(seen);
-        let mut fastest = Fastest { drift, ..Fastest::default() };
+        let way = motion.course_of_free(cloth) * (age + dt as f32);
+        let place = motion.place(seen).map(|place| place.along(way));
+        let mut fastest = Fastest { drift, place, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {
                 *than = (index, speed);
@@ -78,7 +89,7 @@ impl Fastest {
             // What goes along with the cloth, like the body of a runner in his cape, does not run into it.
             let relative = if drift == Vec3::ZERO { way } else { travel(&now.shape, &last.shape, drift) };
             // Pins hold the cloth back from what is still; without any it runs into that on its course.
-            let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, way.max(relative)) };
+            let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, relative) };
             let speed = speed / dt;
             if speed > fastest.solid.1 && is_near(cloth, now, reach, dt, place) {
                 faster(&mut fastest.collider, index, speed);
@@ -139,10 +150,9 @@ impl Load {
         fastest: &Fastest,
         thickness: Option<f64>,
     ) -> Load {
-        let place = motion.place(seen);
         let relative = pressure_of(attributes, attributes.wind - fastest.drift / dt);
         // Still air hardly stretches cloth that flies through it: the cloth gives way as a whole.
-        let pressure = if cloth.has_pins() { relative } else { relative.min(pressure(attributes)) };
+        let pressure = if cloth.has_pins() { relative } else { relative.min(still_pressure(cloth, motion, attributes, dt, fastest)) };
         Load {
             gravity: attributes.gravity.as_dvec3().length(),
             pins: pin_acceleration(cloth, motion, attributes, dt),
@@ -151,7 +161,7 @@ impl Load {
             pressure,
             lasting_pressure: pressure.min(pressure_of(attributes, attributes.wind - motion.last_drift(cloth))),
             kinematic_speed: thickness
-                .map_or(0.0, |thickness| kinematic_speed(cloth, motion, attributes, [dt, thickness as f32], place)),
+                .map_or(0.0, |thickness| kinematic_speed(cloth, motion, attributes, [dt, thickness as f32], fastest.place)),
         }
     }
 }
@@ -159,6 +169,17 @@ impl Load {
 /// Dynamic pressure (Pa) of the wind on cloth at rest in the caller's frame, facing it.
 pub(crate) fn pressure(attributes: &Attributes) -> f64 {
     pressure_of(attributes, attributes.wind)
+}
+
+/// Dynamic pressure (Pa) of the wind on cloth without pins that has come to rest: in the caller's frame or on a collider that is
+/// near, whichever goes along with the wind. The seat of an open car is as still as one on the ground.
+fn still_pressure(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, fastest: &Fastest) -> f64 {
+    let near = motion.followed(&attributes.colliders).filter(|(now, last)| {
+        let travel = travel(&now.shape, &last.shape, fastest.drift);
+        is_near(cloth, now, travel, f64::from(dt), fastest.place)
+    });
+    let velocities = near.map(|(now, last)| (now.landmarks()[0] - last.landmarks()[0]) / dt);
+    velocities.map(|velocity| pressure_of(attributes, attributes.wind - velocity)).fold(pressure(attributes), f64::min)
 }
 
 /// Dynamic pressure (Pa) of air that moves at this velocity (m/s) relative to the cloth.
@@ -191,8 +212,8 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
     f64::from(change) / f64::from(apart)
 }
 
-/// Whether a collider may touch the cloth during a step of `dt` (s) in which it moves by `travel` (m), by itself or relative to
-/// the cloth's course, whichever is more. True if the `place` of the cloth is not known.
+/// Whether a collider may touch the cloth during a step of `dt` (s) in which it moves by `travel` (m) relative to the cloth's
+/// course. True if the `place` of the cloth is not known.
 fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, place: Option<Place>) -> bool {
     place.is_none_or(|Place { low, high, fastest }| {
         let reach = STEPS_AHEAD * (f64::from(fastest) * dt + travel);
@@ -213,22 +234,22 @@ fn kinematic_speed<'a>(
 ) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
-    let course = if cloth.has_pins() { Vec3::ZERO } else { motion.course };
+    let course = motion.course_of_free(cloth) * dt;
     let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
         (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
             let near = place.map(|Place { low, high, fastest }| {
-                let reach = STEPS_AHEAD as f32 * (fastest + course.length()) * dt + 2.0 * thickness;
+                let reach = STEPS_AHEAD as f32 * fastest * dt + 2.0 * thickness;
                 [low + cloth.origin - reach, high + cloth.origin + reach]
             });
             // Of a moving character, only the parts that come near the cloth count.
             let comes_near = move |&(to, from): &(&Vec3, &Vec3)| {
                 near.is_none_or(|[low, high]| {
-                    let by = STEPS_AHEAD as f32 * (*to - *from).abs();
+                    let by = STEPS_AHEAD as f32 * (*to - *from - course).abs();
                     (from.min(*to) - by).cmple(high).all() && (from.max(*to) + by).cmpge(low).all()
                 })
             };
-            let [alone, relative] = [Vec3::ZERO, course * dt].map(|by| travel(&now.shape, &last.shape, by));
-            let may_touch = is_near(cloth, now, alone.max(relative) + f64::from(thickness), f64::from(dt), place);
+            let relative = travel(&now.shape, &last.shape, course);
+            let may_touch = is_near(cloth, now, relative + f64::from(thickness), f64::from(dt), place);
             may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
         }
         _ => None,

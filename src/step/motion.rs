@@ -2,7 +2,7 @@
 
 use std::mem::{Discriminant, discriminant};
 
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 
 use crate::attributes::{Collider, Shape, invalid};
 use crate::error::StepError;
@@ -32,7 +32,7 @@ pub(crate) struct Motion {
 
 recorded!(Motion { dt, h, colliders, pins, pin_velocities, course, placed });
 
-/// The box around the cloth (m, in local coordinates), and the speed (m/s) of its fastest vertex.
+/// The box around the cloth (m, in local coordinates), and the speed (m/s) of its fastest vertex relative to its course.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Place {
     pub low: Vec3,
@@ -44,9 +44,14 @@ recorded!(Place { low, high, fastest });
 
 impl Place {
     /// In a state in the cloth's order: positions (m) and velocities (m/s).
-    pub(crate) fn of(x: &[Vec4], v: &[Vec4]) -> Place {
+    pub(crate) fn of(x: &[Vec4], v: &[Vec4], course: Vec3) -> Place {
         let [low, high] = bounds(x.iter().map(|x| x.truncate()));
-        Place { low, high, fastest: v.iter().map(|v| v.truncate().length()).fold(0.0, f32::max) }
+        Place { low, high, fastest: v.iter().map(|v| v.truncate().distance(course)).fold(0.0, f32::max) }
+    }
+
+    /// The box around the way of a cloth that moves by as much (m) as a whole.
+    pub(crate) fn along(self, by: Vec3) -> Place {
+        Place { low: self.low.min(self.low + by), high: self.high.max(self.high + by), ..self }
     }
 
     /// As statistics tell.
@@ -67,7 +72,16 @@ impl Motion {
 
     /// After a state that was set, in the cloth's order: positions (m) and velocities (m/s).
     pub(crate) fn placed(cloth: &Cloth, x: &[Vec4], v: &[Vec4]) -> Motion {
-        Motion { placed: Some(Place::of(x, v)), ..Motion::after(cloth, x, 0.0) }
+        let mut motion = Motion::after(cloth, x, 0.0);
+        let free = v.iter().zip(&cloth.rest).take(cloth.used).filter(|(_, rest)| rest.w > 0.0);
+        let (sum, count) = free.fold((DVec3::ZERO, 0), |(sum, count), (v, _)| (sum + v.truncate().as_dvec3(), count + 1));
+        motion.set_course((sum / f64::from(count.max(1))).as_vec3());
+        Motion { placed: Some(Place::of(x, v, motion.course_of_free(cloth))), ..motion }
+    }
+
+    /// The course (m/s) of cloth that no pins hold, otherwise 0.
+    pub(crate) fn course_of_free(&self, cloth: &Cloth) -> Vec3 {
+        if cloth.has_pins() { Vec3::ZERO } else { self.course }
     }
 
     /// Where the cloth is, as far as it is known, given the latest statistics.
@@ -122,12 +136,13 @@ impl Motion {
     }
 
     /// Derives the course from the statistics after a step of `dt` (s) and after the one before. What all sides of the
-    /// bounding box have in common is the motion of the whole: one corner that is flung moves only one side of it.
+    /// bounding box have in common is the motion of the whole: one corner that is flung moves only one side of it. It is sought in
+    /// their motion relative to the last course, so that a cloth that is hit is seen alike on the ground and on a ship.
     pub(crate) fn observe(&mut self, [before, after]: [&Statistics; 2], dt: f32) {
-        let [low, high] =
-            [(before.low, after.low), (before.high, after.high)].map(|(from, to)| (unordered(to) - unordered(from)) / dt);
+        let [low, high] = [(before.low, after.low), (before.high, after.high)]
+            .map(|(from, to)| (unordered(to) - unordered(from)) / dt - self.course);
         let slower = Vec3::select(low.abs().cmplt(high.abs()), low, high);
-        self.set_course(Vec3::select((low * high).cmpgt(Vec3::ZERO), slower, Vec3::ZERO));
+        self.set_course(self.course + Vec3::select((low * high).cmpgt(Vec3::ZERO), slower, Vec3::ZERO));
     }
 
     /// Sets the course (m/s), unless it is slow.
