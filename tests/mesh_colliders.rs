@@ -674,6 +674,7 @@ fn squeezed_cloth_slides_without_friction(backend: Backend) {
 }
 
 /// A tube of cloth hangs around a body, and a limb closes on it to a fifth of its thickness, or two fifths, and slides up and down.
+/// Where it hooks is chance: single starts with the wider room are stretched by .021 to .040 on average, so several count together.
 fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
     let (around, rows) = (coarser(backend, 60, 40), coarser(backend, 33, 22));
     let upright = |half_length: f32, radius: f32, rings: u32| {
@@ -681,9 +682,9 @@ fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
         moved(&lying, |x| Vec3::new(-x.y, x.x, x.z))
     };
     let (body, limb) = (upright(0.45, 0.15, 24), upright(0.15, 0.05, 12));
-    for (room, most) in [(0.001, 0.06), (0.002, 0.035)].into_iter().take(coarser(backend, 2, 1) as usize) {
+    let stretch = |room: f32, start: u64| {
         let of = Options { pinned: (0..around).collect(), quality: Quality::Substeps(20), ..options(backend, 20, true) };
-        let mut cloth = Deformer::new(&tube(0.18, 0.6, around, rows), of).unwrap();
+        let mut cloth = Deformer::new(&jittered(tube(0.18, 0.6, around, rows), start), of).unwrap();
         let (mut sum, frames) = (0.0, 60);
         for frame in 0..frames {
             let frame = frame as f32;
@@ -693,9 +694,14 @@ fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
             cloth.step(FRAME, &with(vec![Collider::mesh(body.clone()), Collider::mesh(limb)])).unwrap();
             sum += if frame < 27.0 { 0.0 } else { cloth.measure().unwrap().stretch_share };
         }
-        let mean = sum / (frames - 27) as f32;
-        println!("{room} m of room: stretched by {mean}");
-        assert!(mean < most, "{room} m of room: 99 % are stretched by {mean}");
+        sum / (frames - 27) as f32
+    };
+    let wider = if backend == Backend::Cpu { 8 } else { 0 };
+    for (room, most, starts) in [(0.001, 0.06, 1_u64), (0.002, 0.035, wider)] {
+        let stretches: Vec<f32> = (0..starts).map(|start| stretch(room, start)).collect();
+        let mean = stretches.iter().sum::<f32>() / starts.max(1) as f32;
+        println!("{room} m of room: stretched by {mean}, of {stretches:?}");
+        assert!(mean < most, "{room} m of room: 99 % are stretched by {mean}, of {stretches:?}");
     }
 }
 

@@ -599,8 +599,15 @@ fn what_jumps_out_of_a_collider_is_reported(backend: Backend) {
     let mut sheet = Mesh::grid(n, n, size, size);
     sheet.positions.iter_mut().for_each(|x| x.y += 0.2 + radius);
     let ball = Collider::sphere(Vec3::Y * 0.1, radius);
-    let appearing = Collider::sphere(Vec3::new(0.003, 0.0, 0.002), radius);
-    for (mesh, ball, gravity) in [(sheet, ball, -9.81), (sheets(2, n, size, 0.007), appearing, 0.0)] {
+    let appearing = |at: f32| Collider::sphere(Vec3::new(at, 0.0, 0.002), radius);
+    let scenes = [0.003, 0.013, 0.023].map(|at| (sheets(2, n, size, 0.007), appearing(at), 0.0));
+    // In the coarser scenes of the others nothing crosses.
+    let taken = if backend == Backend::Cpu { 4 } else { 2 };
+    let mut ever_crossed = 0;
+    for (mesh, ball, gravity) in std::iter::once((sheet, ball, -9.81)).chain(scenes).take(taken) {
+        if ever_crossed > 0 {
+            break;
+        }
         let contact = Some(Contact { thickness: R, friction: 0.3 });
         let options = Options { backend, quality: Quality::Substeps(1), contact, fabric: Fabric::COTTON, ..Options::default() };
         let mut cloth = Deformer::new(&mesh, options).unwrap();
@@ -619,9 +626,9 @@ fn what_jumps_out_of_a_collider_is_reported(backend: Backend) {
         println!("{crossed} frames with crossings, {untold} untold");
         assert_eq!(untold, 0);
         assert!(crossed == 0 || gravity == 0.0, "{crossed} frames with crossings");
-        // In the coarser scenes of the others nothing crosses.
-        assert!(crossed > 0 || gravity != 0.0 || backend != Backend::Cpu, "the scene shows nothing");
+        ever_crossed += crossed;
     }
+    assert!(ever_crossed > 0 || backend != Backend::Cpu, "the scenes show nothing");
 }
 
 /// A cape is carried along at 6 m/s and turned by half a turn in 0.15 s, with far fewer substeps than resolve that: the common motion
