@@ -30,6 +30,9 @@ mod simd;
 mod step;
 mod tune;
 
+/// Whether there are threads. The module of a web page has none, and does not contain the code for them, which it would download.
+pub(crate) const HAS_THREADS: bool = cfg!(not(target_arch = "wasm32"));
+
 pub use attributes::{Attributes, Collider, Shape};
 pub use binding::{BindError, Binding};
 pub use deformer::{Deformer, Forecast, Measure, Snapshot, Untangled};

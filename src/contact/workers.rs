@@ -2,6 +2,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use crate::HAS_THREADS;
+
 /// Most parts of a loop.
 pub(super) const MOST: usize = 64;
 
@@ -56,7 +58,7 @@ impl<'a> Workers<'a> {
 
     /// Calls `work` with each of at most [`MOST`] parts.
     pub(super) fn each<T: Send>(self, parts: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
-        let Some(run) = self.run else { return parts.for_each(work) };
+        let Some(run) = self.run.filter(|_| HAS_THREADS) else { return parts.for_each(work) };
         let mut places = [const { Place(Mutex::new(None)) }; MOST];
         let mut count = 0;
         for part in parts {

@@ -23,6 +23,7 @@ use std::sync::{Condvar, Mutex, PoisonError};
 
 use super::shared::Task;
 use super::team::Team;
+use crate::HAS_THREADS;
 
 /// Where a graph runs.
 #[derive(Debug, Clone, Copy)]
@@ -161,7 +162,7 @@ impl Graph {
     pub(crate) fn run(&mut self, turns: u32, on: On<'_>, work: &(impl Fn(&Task, u32, usize, usize) + Sync)) {
         let most = self.passes.iter().map(|pass| pass.tasks.len()).max().unwrap_or(0);
         let workers = on.threads().min(most).max(1);
-        if workers == 1 {
+        if workers == 1 || !HAS_THREADS {
             for turn in 0..turns {
                 for pass in self.passes_of(turn) {
                     (0..self.passes[pass].tasks.len()).for_each(|index| work(&Task::begin(), turn, pass, index));

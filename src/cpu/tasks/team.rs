@@ -13,6 +13,7 @@ use std::time::Duration;
 use rayon::Yield;
 
 use super::shared::{Fork, MAX_PIECES};
+use crate::HAS_THREADS;
 
 /// Polls in vain after which a thread looks for other work in the pool: some tens of microseconds.
 const POLLS: u32 = 1024;
@@ -57,7 +58,7 @@ impl Team {
 
     /// Recruits by nested joins, which allocate no memory. All jobs are in this thread's queue before the work begins.
     fn recruit<R: Send>(&self, others: usize, work: impl FnOnce(&Team) -> R + Send) -> R {
-        if others > 0 {
+        if others > 0 && HAS_THREADS {
             return rayon::join(|| self.recruit(others - 1, work), || self.linger()).0;
         }
         // While this thread waits for a loop, it may take one of its own jobs.
