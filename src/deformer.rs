@@ -328,6 +328,7 @@ impl Deformer {
             options: &self.options,
             coefficients,
             motion: &self.motion,
+            place: decision.fastest.place,
             substeps: decision.division.substeps,
             attributes,
         };

@@ -36,6 +36,7 @@ on_every_backend!(
     an_open_patch_holds_on_both_sides,
     friction_follows_the_body,
     a_ball_that_spins_drags_what_lies_on_it,
+    what_spins_elsewhere_is_no_matter,
     bodies_come_and_go_anywhere,
     a_body_that_appears_in_the_cloth_is_let_go,
     a_body_that_stops_catches_what_follows,
@@ -230,6 +231,36 @@ fn a_ball_that_spins_drags_what_lies_on_it(backend: Backend) {
     let inertia = x.iter().map(|x| x.x * x.x + x.z * x.z).sum::<f32>();
     println!("{} rad/s of the ball's 3", spin / inertia);
     assert!(spin / inertia > 1.0, "{} rad/s of the ball's 3", spin / inertia);
+}
+
+/// A cape that goes round with a body is at rest on it, whatever spins elsewhere.
+fn what_spins_elsewhere_is_no_matter(backend: Backend) {
+    let n = coarser(backend, 16, 12);
+    let size = 0.03 * n as f32;
+    let mut mesh = jittered(Mesh::grid(n, n, size, size), 7);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.206);
+    let center = n / 2 * (n + 1) + n / 2;
+    let pinned = vec![center, center + 1, center + n + 1];
+    let round = ball(Vec3::ZERO, 0.2, 12);
+    let dances = |beside: bool| {
+        let options = Options { pinned: pinned.clone(), ..options(backend, 10, true) };
+        let mut cape = Deformer::new(&mesh, options).unwrap();
+        for frame in 0..coarser(backend, 60, 40) {
+            // It begins once the cape has fallen on it.
+            let angle = 0.2 * (frame as f32 - 15.0).max(0.0);
+            let turn = Quat::from_rotation_y(angle);
+            let mut colliders = vec![Collider::mesh(moved(&round, |x| turn * x))];
+            let elsewhere = |x| Quat::from_rotation_x(1.5 * angle) * x + 20.0 * Vec3::X;
+            colliders.extend(beside.then(|| Collider::mesh(moved(&round, elsewhere))));
+            let pin_targets = Some(pinned.iter().map(|&pin| turn * mesh.positions[pin as usize]).collect());
+            cape.step(FRAME, &Attributes { pin_targets, ..with(colliders) }).unwrap();
+        }
+        cape.positions().unwrap().to_vec()
+    };
+    let [alone, beside] = [false, true].map(dances);
+    let apart = alone.iter().zip(&beside).map(|(one, other)| one.distance(*other)).fold(0.0, f32::max);
+    println!("{apart} m");
+    assert!(apart < 1e-4, "{apart} m from where it is alone");
 }
 
 #[test]

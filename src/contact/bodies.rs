@@ -152,20 +152,24 @@ impl Bodies {
 
     /// Lists the vertices near the cloth, and returns [`Bodies::travel`].
     fn find_near(&mut self, plan: &Plan<'_>, x: &[Vec4]) -> Option<[Vec3; 2]> {
-        let [low, high] = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));
-        let enlargement = Vec3::splat(NEAR * (high - low).max_element());
+        let cloth = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));
         self.near.clear();
         let mut travel = None;
-        for (vertex, [from, by]) in (self.first as u32..).zip(motions(plan)) {
-            let (least, most) = (from.min(from + by) - by.abs() - enlargement, from.max(from + by) + by.abs() + enlargement);
-            if least.cmple(high).all() && most.cmpge(low).all() {
-                self.near.push(vertex);
-                let [low, high] = travel.unwrap_or([by; 2]);
-                travel = Some([low.min(by), high.max(by)]);
-            }
+        for (vertex, motion) in (self.first as u32..).zip(motions(plan)).filter(|(_, motion)| is_near(*motion, cloth)) {
+            self.near.push(vertex);
+            let [_, by] = motion;
+            let [low, high] = travel.unwrap_or([by; 2]);
+            travel = Some([low.min(by), high.max(by)]);
         }
         travel
     }
+}
+
+/// Whether a vertex of a body, given by where a step begins and its displacement in it, is near a cloth in these bounds (m).
+pub(super) fn is_near([from, by]: [Vec3; 2], [low, high]: [Vec3; 2]) -> bool {
+    let enlargement = by.abs() + NEAR * (high - low).max_element();
+    let (least, most) = (from.min(from + by) - enlargement, from.max(from + by) + enlargement);
+    least.cmple(high).all() && most.cmpge(low).all()
 }
 
 /// Whether the vertices of two meshes are in the same places.

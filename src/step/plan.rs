@@ -17,7 +17,7 @@ use crate::options::{Contact, Method, Options};
 use crate::step::bodies::moving;
 use crate::step::coefficients::Coefficients;
 use crate::step::load::acceleration;
-use crate::step::motion::Motion;
+use crate::step::motion::{Motion, Place};
 
 /// What a step follows from.
 #[derive(Debug, Clone, Copy)]
@@ -27,8 +27,9 @@ pub(crate) struct StepInputs<'a> {
     pub levels: &'a [Level],
     pub options: &'a Options,
     pub coefficients: &'a Coefficients,
-    /// Where the last step left off.
+    /// Where the last step left off, and where the cloth may be in this one, as far as that is known.
     pub motion: &'a Motion,
+    pub place: Option<Place>,
     /// The number of substeps.
     pub substeps: u32,
     pub attributes: &'a Attributes,
@@ -72,6 +73,9 @@ pub(crate) struct Plan<'a> {
     pub anchors: &'a [Body],
     /// Mesh colliders; they are not among `bodies`.
     pub meshes: &'a [MeshBody],
+    /// Where the cloth may be, as far as that is known without reading it from a GPU.
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the CPU has the positions"))]
+    pub place: Option<Place>,
     /// The pins that follow targets, sorted by vertex.
     pub pins: &'a [Pin],
     /// Where the step starts for all pins (m, in local coordinates), in the order of [`Cloth::pinned`].
@@ -215,6 +219,7 @@ impl<'a> Plan<'a> {
             bodies_and_anchors: &buffers.bodies,
             anchors,
             meshes: &buffers.meshes,
+            place: inputs.place,
             pins: &buffers.pins,
             pins_from: &motion.pins,
             method: options.method,

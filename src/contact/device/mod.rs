@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{Vec3, Vec3A, Vec4};
 
 use super::ContactPast;
-use super::bodies::{Bodies, kinematic_pins, motions, motions_of};
+use super::bodies::{Bodies, is_near, kinematic_pins, motions, motions_of};
 use super::common_motion::CommonMotion;
 use super::contacts::pinches::Pinched;
 use super::crossings::ignored::IgnoredPairs;
@@ -122,11 +122,12 @@ impl HostContact {
         Some(&self.motions)
     }
 
-    /// The rotation in the first substep of pins and mesh colliders, if they turn as one: see [`CommonMotion::columns`].
-    /// The center's displacement is that in the whole step.
+    /// The rotation in the first substep of pins and of mesh colliders near the cloth, if they turn as one: see
+    /// [`CommonMotion::columns`]. The center's displacement is that in the whole step.
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
-        let of_meshes = motions(plan).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
+        let near = |motion: &[Vec3; 2]| plan.place.is_none_or(|place| is_near(*motion, [place.low, place.high]));
+        let of_meshes = motions(plan).filter(near).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
         let turning =
             CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.surface.thickness).unwrap_or_default();
         let [x, y, z, center, by] = turning.columns();
