@@ -64,7 +64,7 @@ pub(super) struct ContactInput<'a> {
     pub common_motion: CommonMotion,
     /// How far (m) vertices may be carried besides the common motion.
     pub max_carry: f32,
-    /// Vertices that are not carried, sorted: see [`IgnoredPairs::entangled`](super::crossings::ignored::IgnoredPairs::entangled).
+    /// Vertices that are not carried, sorted: see [`KnownCrossings::entangled`](super::crossings::known::KnownCrossings::entangled).
     pub entangled: &'a [u32],
     /// Whether vertices slide along pairs with a kinematic side: where there are mesh bodies.
     pub may_slide: bool,

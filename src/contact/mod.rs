@@ -14,12 +14,28 @@
 //! by more than a margin. Kinematic vertices (of pins and mesh bodies) cannot be truncated, so they carry the cloth that
 //! they would run over ([`carry`](contacts::carry)). Where they leave it no room, it is pinched, and may cross
 //! ([`pinches`](contacts::pinches)). [`crossings`] finds what intersects; contact ignores the pairs that do
-//! ([`ignored`](crossings::ignored)) until the cloth has left the intersection, or [`untangle`] has parted it.
+//! ([`known`](crossings::known)) until the cloth has left the intersection, or [`untangle`] has parted it.
+//!
+//! # Stages of a substep
+//! [`TriangleContact::resolve`] calls them in this order, after the sweeps and before positions are updated. The GPU's files are in
+//! `shaders/stages/self_contact`, with the entry points named here; `src/gpu/contact/encode.rs` dispatches them.
+//!
+//! | Stage | In the field's terms | CPU | GPU |
+//! |---|---|---|---|
+//! | move bodies | kinematic vertices | `bodies.rs` | `begin_contact.wgsl` |
+//! | push out | projection onto analytic colliders | `vertices.rs` | `begin_contact.wgsl`: `begin_contact` |
+//! | test paths | validity of the neighbor lists | `detection/paths.rs` | `begin_contact.wgsl`: `begin_contact`, `decide` |
+//! | look for crossings | edges against triangles; global intersection analysis | `crossings/` | on the CPU, before and after the step |
+//! | list pairs | broad phase by bounding volume hierarchies (BVH), narrow phase | `listing.rs`, `detection/` | `tree.wgsl`, `descent.wgsl`: `descend`; `broad_phase.wgsl`: `compare`; `narrow_phase.wgsl`: `measure` |
+//! | find near pairs | proximity of closest points | `contacts/near/` | `near.wgsl`: `find` |
+//! | respond | multipliers with Coulomb's friction cone, Jacobi iteration | `contacts/response.rs` | `response.wgsl`: `warm_start`, `step_pairs`, `apply_impulses` |
+//! | truncate | separating planes, in place of continuous collision detection (CCD) or the barrier of IPC | `contacts/truncation.rs` | `truncation.wgsl`: `truncate`; `finish.wgsl`: `finish` |
+//! | carry | what kinematic vertices run over | `contacts/carry.rs` | `carry.wgsl`: `carry` |
+//! | note what is pinched | continuous collision test of tetrahedra | `contacts/pinches.rs` | `carry.wgsl`: `find_pinched` |
 //!
 //! # Practice
-//! [`TriangleContact::resolve`] runs in each substep, after the sweeps and before positions are updated. It loops over
-//! vertices, pairs and leaves. Each item writes only its own data and gathers the contributions of others in a fixed
-//! order, so the result does not depend on the number of threads.
+//! Every stage loops over vertices, pairs or leaves. Each item writes only its own data and gathers the contributions of others in
+//! a fixed order, so the result does not depend on the number of threads.
 
 mod bodies;
 mod common_motion;
@@ -32,6 +48,8 @@ mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
 mod input;
+mod listing;
+mod momentum;
 mod past;
 mod ranges;
 mod surface;
@@ -40,26 +58,24 @@ mod vertices;
 mod workers;
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicU32;
 
-use glam::{DVec3, Vec3A, Vec4};
+use glam::{DVec3, Vec4};
 
-use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::options::{Contact, Crossing};
-use crate::simd::{self, Width};
+use crate::simd::Width;
 use crate::step::plan::Plan;
 
 use bodies::Bodies;
 use common_motion::CommonMotion;
+use contacts::Contacts;
 #[cfg(feature = "gpu")]
 pub(crate) use contacts::carry::ROUNDS;
 #[cfg(feature = "gpu")]
 pub(crate) use contacts::response::ITERATIONS;
-use contacts::{Contacts, HoldOutcome};
-use crossings::ignored::IgnoredPairs;
+use crossings::known::KnownCrossings;
 use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::max_listed;
@@ -67,30 +83,17 @@ use detection::paths::Paths;
 use detection::rows::Rows;
 use detection::tree::Tree;
 use input::{ContactInput, Path, SubstepContext};
+pub(crate) use momentum::returns_momentum;
 use past::Checkpoint;
 pub(crate) use past::ContactPast;
 use surface::Surface;
-use vertices::PushOut;
+use vertices::Pushes;
 pub(crate) use workers::Workers;
 
 /// Least number of vertices that are worth a part of a loop, and how many vertices and listed pairs are worth a thread.
 const GRAIN: usize = 64;
 const VERTICES: usize = 128;
 const PAIRS: usize = 1024;
-
-/// Corrections of positions (m) that colliders add without changing velocities, and the length of the longest.
-#[derive(Debug, Default)]
-struct Pushes {
-    of: Vec<Vec4>,
-    most: f32,
-}
-
-impl Pushes {
-    /// The corrections of all vertices; none if no collider pushes.
-    fn of_vertices(&self) -> &[Vec4] {
-        if self.most > 0.0 { &self.of } else { &[] }
-    }
-}
 
 /// Counts for the report of a step.
 #[derive(Debug, Clone, Copy, Default)]
@@ -120,12 +123,7 @@ pub(crate) struct TriangleContact {
     detection: Detection,
     contacts: Contacts,
     paths: Paths,
-    /// Known intersections. Others may be anywhere if `may_cross` is set; otherwise they arise only around known ones, or
-    /// where cloth is pinched.
-    ignored: IgnoredPairs,
-    may_cross: bool,
-    /// Vertices that contact has led off their paths in this step, around which there may be others, too.
-    drifted: Vec<u32>,
+    crossings: KnownCrossings,
     /// In this step, pins move, or mesh bodies move and there are pins. Kinematic vertices may be made to intersect.
     kinematics_moved: bool,
     push: Pushes,
@@ -156,9 +154,7 @@ impl TriangleContact {
             detection: Detection::default(),
             contacts: Contacts::default(),
             paths: Paths::default(),
-            ignored: IgnoredPairs::default(),
-            may_cross: true,
-            drifted: Vec::new(),
+            crossings: KnownCrossings::default(),
             kinematics_moved: false,
             push: Pushes::default(),
             max_carry: 0.0,
@@ -187,7 +183,7 @@ impl TriangleContact {
     /// Discards everything that depends on positions, because the state was replaced.
     pub(crate) fn forget(&mut self) {
         self.bodies.forget();
-        self.may_cross = true;
+        self.crossings.are_all = false;
         self.h = 0.0;
         self.paths.forget();
         self.lists.iter_mut().for_each(Rows::clear);
@@ -197,24 +193,23 @@ impl TriangleContact {
     /// Edges that pass through triangles of the cloth, as of the last detection, or have done so in this step; given by
     /// vertices.
     pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
-        self.ignored.own_crossings(&self.surface)
+        self.crossings.own(&self.surface)
     }
 
     /// For each pair of an edge and a triangle that intersect, one on the cloth and one on a body: the index of the
     /// body.
     pub(crate) fn crossings_with_bodies(&self) -> impl Iterator<Item = usize> {
-        self.ignored.with_bodies(&self.surface)
+        self.crossings.with_bodies(&self.surface)
     }
 
     /// Prepares for a step.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
         (self.tally, self.too_many, self.max_carry) = (Tally::default(), 0, 0.0);
-        self.ignored.begin();
-        self.drifted.clear();
+        self.crossings.begin();
         self.save();
         let jumped = self.bodies.begin(plan, self.friction);
         self.bodies.place(plan, self.surface.thickness, x, u);
-        self.may_cross |= jumped;
+        self.crossings.are_all &= !jumped;
         // Bodies that stand still are not tested for straying, so those that stop must not have paths that go on.
         if jumped || self.bodies.are_still && self.paths.move_from(self.bodies.first) {
             self.paths.forget();
@@ -239,9 +234,9 @@ impl TriangleContact {
         let context = SubstepContext { plan, substep, workers, width };
         self.bodies.advance(plan, substep, x, u);
         self.part_touches(x);
-        self.push_out(context, x, u);
+        self.push.push_out(context, x, u, self.bodies.first);
         // Vertices that jump this far out of a collider may jump over others.
-        self.may_cross |= self.push.most > self.surface.thickness;
+        self.crossings.are_all &= self.push.most <= self.surface.thickness;
         let common_motion = self.bodies.common_motion(plan, x, u, self.surface.thickness);
         if !self.list(context, x, u, common_motion.is_none()) {
             return;
@@ -259,8 +254,8 @@ impl TriangleContact {
 
     /// Moves apart what touches exactly, once after the state was replaced or a body has jumped.
     fn part_touches(&self, x: &mut [Vec4]) {
-        if self.may_cross && self.paths.since.is_none() {
-            let moved = IgnoredPairs::part_touches(&self.surface, x);
+        if !self.crossings.are_all && self.paths.since.is_none() {
+            let moved = KnownCrossings::part_touches(&self.surface, x);
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
     }
@@ -293,20 +288,26 @@ impl TriangleContact {
             u,
             push,
             most_push: self.push.most,
-            common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(mean(plan.cloth, u))),
+            common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(momentum::mean(plan.cloth, u))),
             max_carry: self.max_carry,
-            entangled: &self.ignored.entangled,
+            entangled: &self.crossings.entangled,
             may_slide: self.bodies.first < self.vertices(),
             surface: &self.surface,
             friction: &self.bodies.friction,
             context: SubstepContext { workers, ..context },
         };
         let lost = loop {
-            match self.contacts.hold_apart(&mut self.lists, input, scale) {
-                HoldOutcome::Done { lost } => break lost,
+            self.contacts.find_near(&mut self.lists, input);
+            if !self.contacts.has_near() {
+                break DVec3::ZERO;
+            }
+            self.contacts.respond(input.context, scale);
+            let lost = self.contacts.truncate(input);
+            match self.contacts.carry(input, lost) {
+                Ok(lost) => break lost,
                 // The next time, near pairs are found for cloth that is carried this far.
                 // The multipliers that it starts with are of this substep already.
-                HoldOutcome::NeedsCarry(travel) => (input.max_carry, scale) = (travel, 1.0),
+                Err(travel) => (input.max_carry, scale) = (travel, 1.0),
             }
         };
         self.max_carry = input.max_carry;
@@ -314,9 +315,9 @@ impl TriangleContact {
             // Pairs that are not listed stay apart only as long as vertices move about as detection assumed.
             let cloth = ..self.bodies.first;
             let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
-            self.drifted.extend(self.contacts.finish([x, u], push, drift, workers));
+            self.crossings.drifted.extend(self.contacts.finish([x, u], push, drift, workers));
             if lost != DVec3::ZERO && returns_momentum(plan) {
-                give_back(plan.cloth, lost, u, workers);
+                momentum::give_back(plan.cloth, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();
             self.ignore_pinched(x, u);
@@ -326,12 +327,12 @@ impl TriangleContact {
     /// Ends a step at positions `x` (m), which those of bodies reach by `u` (m): puts what belongs to its state in the lists, counts
     /// what is squeezed, and searches for what may cross.
     pub(crate) fn end(&mut self, x: &[Vec4], u: &[Vec4], workers: Workers<'_>) {
-        if (self.may_cross || !self.drifted.is_empty()) && self.too_many == 0 {
+        let may_be_others = !self.crossings.are_all || !self.crossings.drifted.is_empty();
+        if may_be_others && self.too_many == 0 {
             let first = self.bodies.first;
             let ends: Vec<Vec4> = x[..first].iter().copied().chain((first..x.len()).map(|i| x[i] + u[i].with_w(0.0))).collect();
-            if ends.iter().all(|x| x.is_finite()) && self.may_cross_at(&ends) {
-                self.ignored.find(&self.surface, &ends);
-                self.may_cross = false;
+            if ends.iter().all(|x| x.is_finite()) && !self.crossings.look_around(&self.surface, &ends) {
+                self.crossings.find(&self.surface, &ends);
                 self.paths.end();
             }
         }
@@ -339,64 +340,4 @@ impl TriangleContact {
         self.tally.squeezed = if self.tally.near > 0 { self.contacts.squeezed() as u32 } else { 0 };
         self.contacts.store_multipliers(&mut self.lists, workers);
     }
-
-    /// Whether there may be unknown intersections with all vertices at the positions `x` (m).
-    fn may_cross_at(&mut self, x: &[Vec4]) -> bool {
-        let drifted = std::mem::take(&mut self.drifted);
-        self.may_cross = self.may_cross || IgnoredPairs::cross_around(&self.surface, x, drifted);
-        self.may_cross
-    }
-
-    /// Moves vertices out of the colliders, by displacements and by corrections that are not part of them.
-    fn push_out(&mut self, SubstepContext { plan, substep, workers, width }: SubstepContext<'_>, x: &[Vec4], u: &mut [Vec4]) {
-        let Pushes { of, most } = &mut self.push;
-        let was_pushed = std::mem::take(most) > 0.0;
-        if plan.bodies.is_empty() {
-            of.clear();
-            return;
-        }
-        let cloth = self.bodies.first;
-        of.resize(x.len(), Vec4::ZERO);
-        let (farthest, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES));
-        let part = workers.part(cloth, GRAIN);
-        let state = x[..cloth].chunks(part).zip(u[..cloth].chunks_mut(part));
-        workers.each(state.zip(of[..cloth].chunks_mut(part)), |((x, u), push)| {
-            if was_pushed {
-                push.fill(Vec4::ZERO);
-            }
-            simd::run(width, PushOut { plan, substep, x, u, push, most: &farthest });
-        });
-        *most = f32::from_bits(farthest.into_inner()).sqrt();
-    }
-}
-
-/// The mean displacement (m), weighted by mass.
-fn mean(cloth: &Cloth, u: &[Vec4]) -> Vec3A {
-    let (mut sum, mut total) = (Vec3A::ZERO, 0.0);
-    for (&u, mass) in u.iter().zip(free_masses(cloth)) {
-        sum += xyz(u) * mass;
-        total += mass;
-    }
-    sum / total
-}
-
-/// The mass (kg) of each vertex; 0 if it is not free.
-fn free_masses(cloth: &Cloth) -> impl Iterator<Item = f32> {
-    cloth.mass.iter().zip(&cloth.rest).map(|(&mass, rest)| if rest.w > 0.0 { mass } else { 0.0 })
-}
-
-/// Whether momentum that truncation removes is returned to the cloth as a whole. Not if it has kinematic vertices, because it
-/// must not move relative to them. Colliders stop it in the next substep if it touches them, but not those of its parts that
-/// are elsewhere.
-pub(crate) fn returns_momentum(plan: &Plan<'_>) -> bool {
-    !plan.cloth.has_pins() && plan.meshes.is_empty() && (plan.bodies.is_empty() || plan.cloth.parts == 1)
-}
-
-/// Returns lost momentum (kg m) to the cloth by a uniform displacement.
-fn give_back(cloth: &Cloth, lost: DVec3, u: &mut [Vec4], workers: Workers<'_>) {
-    let mass: f64 = free_masses(cloth).map(f64::from).sum();
-    let back = (lost / mass).as_vec3().extend(0.0);
-    workers.chunks(&mut u[..cloth.rest.len()], GRAIN, |first, u| {
-        u.iter_mut().zip(&cloth.rest[first..]).filter(|(_, rest)| rest.w > 0.0).for_each(|(u, _)| *u += back);
-    });
 }

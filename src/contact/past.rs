@@ -91,8 +91,8 @@ impl TriangleContact {
         bodies.clone_from(&self.bodies.last);
         lists.iter_mut().zip(&self.lists).for_each(|(saved, rows)| saved.copy_from(rows));
         paths.copy_from(&self.paths);
-        crossings.clone_from(&self.ignored.crossings);
-        (*may_cross, *h) = (self.may_cross, self.h);
+        crossings.clone_from(&self.crossings.pairs);
+        (*may_cross, *h) = (!self.crossings.are_all, self.h);
     }
 
     /// Goes back to where the last step began.
@@ -101,11 +101,11 @@ impl TriangleContact {
         self.bodies.go_back(bodies);
         self.lists.iter_mut().zip(lists).for_each(|(rows, saved)| rows.copy_from(saved));
         self.paths.copy_from(paths);
-        if self.ignored.crossings != *crossings {
-            self.ignored.take(crossings.clone(), &self.surface);
+        if self.crossings.pairs != *crossings {
+            self.crossings.take(crossings.clone(), &self.surface);
         }
         self.contacts.forget();
-        (self.detection.is_fitted, self.may_cross, self.h) = (false, *may_cross, *h);
+        (self.detection.is_fitted, self.crossings.are_all, self.h) = (false, !may_cross, *h);
     }
 
     pub(crate) fn past(&self) -> ContactPast {
@@ -113,11 +113,9 @@ impl TriangleContact {
             bodies,
             lists,
             paths,
-            ignored,
-            may_cross,
+            crossings,
             h,
             // These follow from the cloth and the options, or are recomputed in each substep.
-            drifted: _,
             kinematics_moved: _,
             surface: _,
             friction: _,
@@ -142,8 +140,8 @@ impl TriangleContact {
             bodies: bodies.last.clone(),
             lists: [rows(&lists[0]), rows(&lists[1])],
             paths: paths.clone(),
-            crossings: ignored.crossings.clone(),
-            may_cross: *may_cross,
+            crossings: crossings.pairs.clone(),
+            may_cross: !crossings.are_all,
             h: *h,
         }
     }
@@ -156,9 +154,9 @@ impl TriangleContact {
         };
         self.lists = lists;
         self.contacts.forget();
-        self.ignored.take(past.crossings.clone(), &self.surface);
+        self.crossings.take(past.crossings.clone(), &self.surface);
         self.detection.is_fitted = false;
-        (self.paths, self.may_cross, self.h) = (past.paths.clone(), past.may_cross, past.h);
+        (self.paths, self.crossings.are_all, self.h) = (past.paths.clone(), !past.may_cross, past.h);
         true
     }
 }

@@ -4,23 +4,61 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec4;
 
-use super::input::Vertex;
+use super::input::{SubstepContext, Vertex};
 use super::surface::lanes::store;
+use super::{GRAIN, VERTICES};
 use crate::kernels::contact::near::NearBodies;
 use crate::kernels::contact::{contact_bodies, contact_body};
 use crate::kernels::params::Substep;
-use crate::simd::{Loop, MAX_LANES, Registers, load_vectors, store_vectors};
+use crate::simd::{self, Loop, MAX_LANES, Registers, load_vectors, store_vectors};
 use crate::step::plan::Plan;
 
+/// Corrections of positions (m) that colliders add without changing velocities, and the length of the longest.
+#[derive(Debug, Default)]
+pub(super) struct Pushes {
+    of: Vec<Vec4>,
+    pub most: f32,
+}
+
+impl Pushes {
+    /// The corrections of all vertices; none if no collider pushes.
+    pub(super) fn of_vertices(&self) -> &[Vec4] {
+        if self.most > 0.0 { &self.of } else { &[] }
+    }
+
+    /// Moves the vertices of the cloth, which are the first, out of the colliders: by displacements and by corrections that are not part
+    /// of them.
+    pub(super) fn push_out(&mut self, context: SubstepContext<'_>, x: &[Vec4], u: &mut [Vec4], cloth: usize) {
+        let SubstepContext { plan, substep, workers, width } = context;
+        let Pushes { of, most } = self;
+        let was_pushed = std::mem::take(most) > 0.0;
+        if plan.bodies.is_empty() {
+            of.clear();
+            return;
+        }
+        of.resize(x.len(), Vec4::ZERO);
+        let (farthest, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES));
+        let part = workers.part(cloth, GRAIN);
+        let state = x[..cloth].chunks(part).zip(u[..cloth].chunks_mut(part));
+        workers.each(state.zip(of[..cloth].chunks_mut(part)), |((x, u), push)| {
+            if was_pushed {
+                push.fill(Vec4::ZERO);
+            }
+            simd::run(width, PushOut { plan, substep, x, u, push, most: &farthest });
+        });
+        *most = f32::from_bits(farthest.into_inner()).sqrt();
+    }
+}
+
 /// Moves vertices out of the colliders.
-pub(super) struct PushOut<'a> {
-    pub plan: &'a Plan<'a>,
-    pub substep: &'a Substep,
-    pub x: &'a [Vec4],
-    pub u: &'a mut [Vec4],
-    pub push: &'a mut [Vec4],
+struct PushOut<'a> {
+    plan: &'a Plan<'a>,
+    substep: &'a Substep,
+    x: &'a [Vec4],
+    u: &'a mut [Vec4],
+    push: &'a mut [Vec4],
     /// The square (m²) of the largest correction, as bits.
-    pub most: &'a AtomicU32,
+    most: &'a AtomicU32,
 }
 
 impl Loop for PushOut<'_> {

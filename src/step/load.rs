@@ -152,7 +152,8 @@ impl Load {
     ) -> Load {
         let relative = pressure_of(attributes, attributes.wind - fastest.drift / dt);
         // Still air hardly stretches cloth that flies through it: the cloth gives way as a whole.
-        let pressure = if cloth.has_pins() { relative } else { relative.min(still_pressure(cloth, motion, attributes, dt, fastest)) };
+        let pressure =
+            if cloth.has_pins() { relative } else { relative.min(still_pressure(cloth, motion, attributes, dt, fastest)) };
         Load {
             gravity: attributes.gravity.as_dvec3().length(),
             pins: pin_acceleration(cloth, motion, attributes, dt),

@@ -10,8 +10,8 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A};
 
+use super::Contacts;
 use super::pinches::{distance, moves_through};
-use super::{Contacts, HoldOutcome};
 use crate::contact::input::ContactInput;
 use crate::contact::surface::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
@@ -36,15 +36,16 @@ struct RunOver {
 }
 
 impl Contacts {
-    /// Carries vertices with what runs over them, after truncation has removed `lost` of the momentum (kg m). Near pairs were not
-    /// found for vertices that move farther than [`ContactInput::max_carry`] besides the common motion; if there are such,
-    /// carries nothing.
-    pub(crate) fn carry(&mut self, input: ContactInput<'_>, mut lost: DVec3) -> HoldOutcome {
+    /// Carries vertices with what runs over them, after truncation has removed `lost` of the momentum (kg m). Returns what is lost in
+    /// all. Near pairs were not found for vertices that move farther than [`ContactInput::max_carry`] besides the common motion; if
+    /// there are such, carries nothing, and returns how far (m) they must be carried as an error. The displacements are not to be
+    /// used then, but the multipliers are those of this substep.
+    pub(crate) fn carry(&mut self, input: ContactInput<'_>, mut lost: DVec3) -> Result<DVec3, f32> {
         for round in 0..ROUNDS {
             let pairs = self.run_over(input);
             let travel = pairs.iter().map(|pair| self.vertices[pair.leader as usize].travel).fold(0.0, f32::max);
             if round == 0 && travel > input.max_carry {
-                return HoldOutcome::NeedsCarry(travel);
+                return Err(travel);
             }
             if pairs.is_empty() {
                 break;
@@ -61,7 +62,7 @@ impl Contacts {
             }
             lost += self.truncate(input);
         }
-        HoldOutcome::Done { lost }
+        Ok(lost)
     }
 
     /// The pairs that are run over, among those whose plane has passed a vertex, where nothing crosses.

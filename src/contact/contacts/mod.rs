@@ -12,7 +12,7 @@ pub(super) mod vertex_pairs;
 use std::sync::atomic::AtomicU32;
 use std::sync::{Mutex, PoisonError};
 
-use glam::{DVec3, Vec3A, Vec4};
+use glam::{Vec3A, Vec4};
 
 use super::common_motion::CommonMotion;
 use super::contacts::acting::{Acting, for_groups};
@@ -72,29 +72,9 @@ pub(crate) struct Contacts {
     pub acting: Acting,
 }
 
-/// The result of [`Contacts::hold_apart`].
-pub(crate) enum HoldOutcome {
-    /// Pairs are held apart. Truncation has removed `lost` of the cloth's momentum (kg m).
-    Done { lost: DVec3 },
-    /// The displacements are not to be used, because vertices must be carried this far (m), which is more than
-    /// [`ContactInput::max_carry`]. The multipliers are those of this substep.
-    NeedsCarry(f32),
-}
-
 impl Contacts {
-    /// Holds the near pairs of the lists apart; multipliers start with those of the last substep times `scale`.
-    pub(crate) fn hold_apart(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>, scale: f32) -> HoldOutcome {
-        self.gather(lists, input);
-        if !self.has_near() {
-            return HoldOutcome::Done { lost: DVec3::ZERO };
-        }
-        self.respond(input.context, scale);
-        let lost = self.truncate(input);
-        self.carry(input, lost)
-    }
-
     /// Finds the near pairs of the lists, in order, and the active ones among them.
-    fn gather(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) {
+    pub(super) fn find_near(&mut self, lists: &mut [Rows; 2], input: ContactInput<'_>) {
         let keeps_groups = self.update_numbering(lists, input);
         self.carried.clear();
         self.copy(input);

@@ -9,7 +9,7 @@
 
 mod apart;
 pub(super) mod contours;
-pub(super) mod ignored;
+pub(super) mod known;
 pub(super) mod overlaps;
 mod touches;
 

@@ -8,7 +8,6 @@
 
 pub(super) mod boxes;
 mod broad_phase;
-mod listing;
 pub(super) mod narrow_phase;
 pub(super) mod paths;
 pub(super) mod rows;

@@ -11,7 +11,7 @@ use super::ContactPast;
 use super::bodies::{Bodies, is_near, kinematic_pins, motions, motions_of};
 use super::common_motion::CommonMotion;
 use super::contacts::pinches::Pinched;
-use super::crossings::ignored::IgnoredPairs;
+use super::crossings::known::KnownCrossings;
 use super::detection::paths::Paths;
 use super::detection::rows::Rows;
 use super::detection::tree::Tree;
@@ -34,13 +34,9 @@ pub(crate) struct HostContact {
     pub bodies: Bodies,
     /// Number of all vertices.
     vertices: usize,
-    /// Known intersections. Others may be anywhere if `may_cross` is set, and around the vertices of pairs that were
-    /// `pinched` in the last step.
-    pub ignored: IgnoredPairs,
-    may_cross: bool,
+    pub crossings: KnownCrossings,
+    /// The vertices of pairs that were pinched in the last step, around which there may be others.
     pinched: Vec<u32>,
-    /// The vertices that contact led off their paths in the last step.
-    drifted: Vec<u32>,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
 }
@@ -91,10 +87,8 @@ impl HostContact {
             surface,
             bodies,
             vertices: range[1],
-            ignored: IgnoredPairs::default(),
-            may_cross: true,
+            crossings: KnownCrossings::default(),
             pinched: Vec::new(),
-            drifted: Vec::new(),
             motions: Vec::new(),
         };
         Some((contact, params, table))
@@ -104,7 +98,7 @@ impl HostContact {
     /// where the last step left it.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
         let jumped = self.bodies.begin(plan, friction);
-        self.may_cross |= jumped;
+        self.crossings.are_all &= !jumped;
         jumped
     }
 
@@ -136,16 +130,15 @@ impl HostContact {
 
     /// Discards what depends on the state, because it was replaced.
     pub(crate) fn forget(&mut self) {
-        self.may_cross = true;
+        self.crossings.are_all = false;
         self.bodies.forget();
         self.pinched.clear();
-        self.drifted.clear();
     }
 
     /// Whether a step must search for intersections first: after the state was replaced or a mesh collider has jumped, and
     /// while there are intersections.
     pub(crate) fn must_search(&self) -> bool {
-        self.may_cross || !self.ignored.crossings.is_empty()
+        !self.crossings.are_all || !self.crossings.pairs.is_empty()
     }
 
     /// Whether pins or mesh colliders are moved through each other in this step, so that intersections must be searched for.
@@ -158,16 +151,16 @@ impl HostContact {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
         let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        IgnoredPairs::kinematics_cross(&self.surface, &x)
+        KnownCrossings::kinematics_cross(&self.surface, &x)
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
     /// contact, moves apart what touches exactly. Returns the positions if that changed any.
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        self.may_cross = self.may_cross || self.kinematics_cross(plan);
-        let moved = match self.may_cross && is_new {
-            true => IgnoredPairs::part_touches(&self.surface, &x),
+        self.crossings.are_all = self.crossings.are_all && !self.kinematics_cross(plan);
+        let moved = match !self.crossings.are_all && is_new {
+            true => KnownCrossings::part_touches(&self.surface, &x),
             false => Vec::new(),
         };
         moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
@@ -179,33 +172,28 @@ impl HostContact {
     /// Searches for intersections with all vertices at the positions `x` (m), where there may be any. Returns whether those that
     /// are known have changed.
     fn search(&mut self, x: &[Vec4]) -> bool {
-        let HostContact { surface, ignored, .. } = self;
-        let (pinched, drifted) = (std::mem::take(&mut self.pinched), std::mem::take(&mut self.drifted));
-        if std::mem::take(&mut self.may_cross) || IgnoredPairs::cross_around(surface, x, drifted) {
-            ignored.find(surface, x);
-            return true;
-        }
-        ignored.follow(surface, x, &pinched)
+        let pinched = std::mem::take(&mut self.pinched);
+        self.crossings.search(&self.surface, x, &pinched)
     }
 
     /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, the vertices that drifted, and whether these `are_all`.
     pub(crate) fn note_pinched(&mut self, marked: &[[u32; 4]], drifted: &[u32], are_all: bool) {
-        self.drifted = drifted.to_vec();
-        self.may_cross |= !are_all;
         let pinched = marked.iter().map(|marked| {
             let [is_edge, is_through, ..] = marked.map(|corner| corner & MARK != 0);
             let kind = if is_edge { Kind::EdgeEdge } else { Kind::VertexTriangle };
             Pinched { kind, corners: marked.map(|corner| corner & !MARK), is_through }
         });
         let pinched: Vec<Pinched> = pinched.collect();
-        self.ignored.begin();
-        self.ignored.note(&pinched, &self.surface);
+        self.crossings.begin();
+        self.crossings.note(&pinched, &self.surface);
+        self.crossings.drifted.extend(drifted);
+        self.crossings.are_all &= are_all;
         self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
     /// Whether cloth may have been pinched in the last step.
     pub(crate) fn is_pinched(&self) -> bool {
-        self.may_cross || !self.pinched.is_empty() || !self.drifted.is_empty()
+        !(self.crossings.are_all && self.pinched.is_empty() && self.crossings.drifted.is_empty())
     }
 
     /// Searches for what crosses at the end of a step because it is pinched, with the cloth at the positions `x` (m). Returns
@@ -225,7 +213,7 @@ impl HostContact {
     /// Intersections found by the last search: of the cloth with itself, given by vertices, and for each one with a
     /// mesh collider the index of that.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        (self.ignored.own_crossings(&self.surface).collect(), self.ignored.with_bodies(&self.surface).collect())
+        (self.crossings.own(&self.surface).collect(), self.crossings.with_bodies(&self.surface).collect())
     }
 
     /// Converts the state to the form that both backends save.
@@ -250,8 +238,8 @@ impl HostContact {
             bodies: self.bodies.last.clone(),
             lists: Kind::ALL.map(rows),
             paths: Paths { from: from.clone(), by: by.clone(), margin, ahead: *ahead, since: *since, renewed: 0 },
-            crossings: self.ignored.crossings.clone(),
-            may_cross: self.may_cross,
+            crossings: self.crossings.pairs.clone(),
+            may_cross: !self.crossings.are_all,
             h: *h,
         }
     }
@@ -285,8 +273,8 @@ impl HostContact {
         if !self.bodies.go_back(bodies) {
             return None;
         }
-        self.ignored.take(crossings.clone(), &self.surface);
-        self.may_cross = *may_cross;
+        self.crossings.take(crossings.clone(), &self.surface);
+        self.crossings.are_all = !may_cross;
         let from = from.iter().zip(margin).map(|(from, &margin)| from.with_w(margin)).collect();
         Some(DeviceLists { starts, pairs, from, by: by.clone(), ahead: *ahead, since: *since, h: *h })
     }

@@ -173,9 +173,9 @@ impl GpuContact {
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). Returns positions
     /// from which to start instead, if anything touched exactly.
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
-        let crossed = !self.on_cpu.ignored.pairs().iter().all(Vec::is_empty);
+        let crossed = !self.on_cpu.crossings.ignored().iter().all(Vec::is_empty);
         let moved = self.on_cpu.find_crossings(plan, x, self.status.since == status::NEVER);
-        if crossed || !self.on_cpu.ignored.pairs().iter().all(Vec::is_empty) {
+        if crossed || !self.on_cpu.crossings.ignored().iter().all(Vec::is_empty) {
             // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;
         }
@@ -208,7 +208,7 @@ impl GpuContact {
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
         let GpuContact { on_cpu, options, params, vertices, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
-        let [of_vertices, of_edges] = on_cpu.ignored.pairs();
+        let [of_vertices, of_edges] = on_cpu.crossings.ignored();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
             (1.0 / masses.sum::<f64>().max(f64::MIN_POSITIVE)) as f32
@@ -231,7 +231,7 @@ impl GpuContact {
             per_mass,
             spacing: choice.spacing(),
             max_carry: *max_carry,
-            entangled: on_cpu.ignored.entangled.len() as u32,
+            entangled: on_cpu.crossings.entangled.len() as u32,
             turn_x,
             turn_y,
             turn_z,
@@ -240,7 +240,7 @@ impl GpuContact {
             ..*params
         };
         buffers.contact_params.send(gpu, &[params]);
-        let entangled = on_cpu.ignored.entangled.iter().map(|&vertex| [vertex, 0]);
+        let entangled = on_cpu.crossings.entangled.iter().map(|&vertex| [vertex, 0]);
         let all: Vec<[u32; 2]> = of_vertices.iter().chain(of_edges).copied().chain(entangled).collect();
         let moved = [buffers.bodies.send(gpu, plan.bodies), buffers.ignored.send(gpu, &all)];
         if moved.contains(&true) {

@@ -1,4 +1,4 @@
-//! The intersections, and the pairs that contact ignores because of them.
+//! The known intersections, and the pairs that contact ignores because of them.
 
 use std::collections::BTreeSet;
 
@@ -18,25 +18,46 @@ const RINGS: usize = 2;
 /// From one in so many vertices on, a search around them takes as long as one of everything.
 const MANY: usize = 16;
 
-/// The intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
+/// The known intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
 #[derive(Debug, Default)]
-pub(crate) struct IgnoredPairs {
-    /// Known intersections: each an edge and a triangle, sorted.
-    pub crossings: Vec<[u32; 2]>,
+pub(crate) struct KnownCrossings {
+    /// Each an edge and a triangle, sorted.
+    pub pairs: Vec<[u32; 2]>,
+    /// Whether there were no others when they were last searched for. Since then, others arise only around these, where cloth is
+    /// pinched, and around vertices that `drifted`: contact led them off their paths in this step.
+    pub are_all: bool,
+    pub drifted: Vec<u32>,
     /// Pairs of an edge and a triangle that have moved through each other in this step, sorted. They need not intersect any more.
     through: Vec<[u32; 2]>,
     /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
-    pairs: [Vec<[u32; 2]>; 2],
+    ignored: [Vec<[u32; 2]>; 2],
     /// The vertices around known intersections, sorted. They are not carried, since what crosses would not separate then.
     pub entangled: Vec<u32>,
 }
 
-impl IgnoredPairs {
+impl KnownCrossings {
     /// Searches for all intersections: of the cloth with bodies and, if it has contact with itself, of the cloth with itself.
     /// Of cloth that is crammed into one place none is known; detection refuses it.
     pub(crate) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
         let found = features(surface, x).crossings(|a, b| surface.may_collide(a, b));
         self.take(found.unwrap_or_default(), surface);
+        self.are_all = true;
+    }
+
+    /// Searches where there may be others: everywhere, or around the known ones and some vertices. Returns whether they may have changed.
+    pub(crate) fn search(&mut self, surface: &Surface, x: &[Vec4], vertices: &[u32]) -> bool {
+        let anywhere = !self.look_around(surface, x);
+        if anywhere {
+            self.find(surface, x);
+        }
+        anywhere || self.follow(surface, x, vertices)
+    }
+
+    /// Looks around the vertices that drifted. Returns whether the known intersections are all that there are.
+    pub(crate) fn look_around(&mut self, surface: &Surface, x: &[Vec4]) -> bool {
+        let drifted = std::mem::take(&mut self.drifted);
+        self.are_all = self.are_all && !KnownCrossings::cross_around(surface, x, drifted);
+        self.are_all
     }
 
     /// Searches for intersections around the known ones and around some vertices only. Returns whether there are others than
@@ -45,10 +66,10 @@ impl IgnoredPairs {
     /// While contact holds all other pairs, intersections arise only where pairs are ignored, or pinched: a vertex that moves
     /// through a triangle takes its edges along, and an edge that moves past a side of a triangle gets into its neighbor.
     pub(crate) fn follow(&mut self, surface: &Surface, x: &[Vec4], vertices: &[u32]) -> bool {
-        if self.crossings.is_empty() && vertices.is_empty() {
+        if self.pairs.is_empty() && vertices.is_empty() {
             return false;
         }
-        let known = self.crossings.iter().flat_map(|&pair| corners(pair, surface));
+        let known = self.pairs.iter().flat_map(|&pair| corners(pair, surface));
         let [_, triangles] = neighborhood(surface, known.chain(vertices.iter().copied()).collect());
         let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
         let (triangles, edges) = (Vec::from_iter(triangles), Vec::from_iter(edges));
@@ -60,7 +81,7 @@ impl IgnoredPairs {
         let found = features.crossings(|a, b| surface.may_collide(a, b)).unwrap_or_default();
         let found: Vec<[u32; 2]> =
             found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
-        let are_new = found != self.crossings;
+        let are_new = found != self.pairs;
         if are_new {
             self.take(found, surface);
         }
@@ -69,7 +90,7 @@ impl IgnoredPairs {
 
     /// Whether anything intersects the features at some vertices of the cloth, or merely touches them. If these are many, it is not
     /// found out.
-    pub(crate) fn cross_around(surface: &Surface, x: &[Vec4], mut vertices: Vec<u32>) -> bool {
+    fn cross_around(surface: &Surface, x: &[Vec4], mut vertices: Vec<u32>) -> bool {
         vertices.sort_unstable();
         vertices.dedup();
         if vertices.is_empty() || MANY * vertices.len() > surface.cloth_vertices() {
@@ -88,6 +109,7 @@ impl IgnoredPairs {
     /// Begins a step.
     pub(crate) fn begin(&mut self) {
         self.through.clear();
+        self.drifted.clear();
     }
 
     /// Notes which of the pinched pairs have moved through each other.
@@ -123,21 +145,21 @@ impl IgnoredPairs {
 
     /// Replaces the intersections.
     pub(crate) fn take(&mut self, crossings: Vec<[u32; 2]>, surface: &Surface) {
-        self.crossings = crossings;
-        let [with_vertices, with_edges] = &mut self.pairs;
+        self.pairs = crossings;
+        let [with_vertices, with_edges] = &mut self.ignored;
         with_vertices.clear();
         with_edges.clear();
-        for &[edge, triangle] in &self.crossings {
+        for &[edge, triangle] in &self.pairs {
             with_vertices.extend(surface.edges[edge as usize].map(|end| [end, triangle]));
             with_edges.extend(surface.sides[triangle as usize].map(|side| [edge.min(side), edge.max(side)]));
         }
-        self.pairs.iter_mut().for_each(|pairs| pairs.sort_unstable());
-        let [near, _] = neighborhood(surface, self.crossings.iter().flat_map(|&pair| corners(pair, surface)).collect());
+        self.ignored.iter_mut().for_each(|pairs| pairs.sort_unstable());
+        let [near, _] = neighborhood(surface, self.pairs.iter().flat_map(|&pair| corners(pair, surface)).collect());
         self.entangled = Vec::from_iter(near);
     }
 
     /// Intersections of the cloth with itself, given by vertices, and what has moved through itself in this step.
-    pub(crate) fn own_crossings(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
+    pub(crate) fn own(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
         let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
         let crossing = |(edge, triangle)| Crossing { edge, triangle };
         self.all(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
@@ -152,18 +174,18 @@ impl IgnoredPairs {
 
     /// All that intersects, or did in this step.
     fn all(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
-        let through = self.through.iter().filter(|pair| self.crossings.binary_search(pair).is_err());
-        self.crossings.iter().chain(through).map(|&pair| by_vertices(pair, surface))
+        let through = self.through.iter().filter(|pair| self.pairs.binary_search(pair).is_err());
+        self.pairs.iter().chain(through).map(|&pair| by_vertices(pair, surface))
     }
 
     #[cfg(feature = "gpu")]
-    pub(crate) fn pairs(&self) -> &[Vec<[u32; 2]>; 2] {
-        &self.pairs
+    pub(crate) fn ignored(&self) -> &[Vec<[u32; 2]>; 2] {
+        &self.ignored
     }
 
     /// Whether a pair is ignored.
-    pub(crate) fn has(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
-        let pairs = &self.pairs[kind as usize];
+    pub(crate) fn ignores(&self, kind: Kind, first: u32, pair: &Listed) -> bool {
+        let pairs = &self.ignored[kind as usize];
         !pairs.is_empty() && pairs.binary_search(&[first, pair.other]).is_ok()
     }
 }

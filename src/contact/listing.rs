@@ -3,14 +3,14 @@
 
 use glam::{Vec3A, Vec4};
 
-use super::DetectionInput;
-use super::paths::Paths;
-use super::tree::DetectionScope;
-use crate::contact::TriangleContact;
-use crate::contact::crossings::ignored::IgnoredPairs;
-use crate::contact::input::Path;
-use crate::contact::surface::Surface;
-use crate::contact::workers::Workers;
+use super::TriangleContact;
+use super::crossings::known::KnownCrossings;
+use super::detection::DetectionInput;
+use super::detection::paths::Paths;
+use super::detection::tree::DetectionScope;
+use super::input::Path;
+use super::surface::Surface;
+use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::simd::Width;
 
@@ -20,13 +20,13 @@ const MIN_MARGIN: f32 = 0.1;
 impl TriangleContact {
     /// Ignores the pairs of what crosses at the end of the substep because it is pinched.
     pub(crate) fn ignore_pinched(&mut self, x: &[Vec4], u: &[Vec4]) {
-        let TriangleContact { surface, contacts, ignored, paths, .. } = self;
+        let TriangleContact { surface, contacts, crossings, paths, .. } = self;
         let pinched = contacts.pinched(surface.thickness);
         if !pinched.is_empty() {
-            ignored.note(&pinched, surface);
+            crossings.note(&pinched, surface);
             let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
             let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
-            if ignored.follow(surface, &ends, &vertices) {
+            if crossings.follow(surface, &ends, &vertices) {
                 paths.end();
             }
         }
@@ -39,13 +39,13 @@ impl TriangleContact {
         if !sum.is_finite() {
             return false;
         }
-        if self.kinematics_moved && !self.may_cross {
-            self.may_cross = IgnoredPairs::kinematics_cross(&self.surface, path.x);
+        if self.kinematics_moved && self.crossings.are_all {
+            self.crossings.are_all = !KnownCrossings::kinematics_cross(&self.surface, path.x);
         }
-        self.may_cross_at(path.x);
+        let are_all = self.crossings.look_around(&self.surface, path.x);
         let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
-        let is_known = !self.may_cross && self.ignored.crossings.is_empty();
-        let is_listed = is_known && self.lists.iter().all(|rows| !rows.starts.is_empty());
+        let crosses = !are_all || !self.crossings.pairs.is_empty();
+        let is_listed = !crosses && self.lists.iter().all(|rows| !rows.starts.is_empty());
         let mut strayed = std::mem::take(&mut self.detection.strayed);
         let listed = if is_listed && self.paths.strayed(moving_path, floats, &mut strayed) {
             self.list_around(&strayed, path, floats, width)
@@ -76,16 +76,12 @@ impl TriangleContact {
         self.contacts.store_multipliers(lists, path.workers);
         detection.mark_pressed(lists, path.x);
         paths.begin(path.x, path.u, &detection.pressed, surface);
-        if std::mem::take(&mut self.may_cross) {
-            self.ignored.find(surface, path.x);
-        } else {
-            self.ignored.follow(surface, path.x, &[]);
-        }
+        self.crossings.search(surface, path.x, &[]);
         let input = detection_input(surface, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
-        let ignored = &self.ignored;
+        let crossings = &self.crossings;
         self.contacts.forget();
-        detection.run(input, [of_cloth, of_bodies], lists, |kind, first, pair| ignored.has(kind, first, pair))
+        detection.run(input, [of_cloth, of_bodies], lists, |kind, first, pair| crossings.ignores(kind, first, pair))
     }
 
     /// Lists more pairs, around some vertices that get new paths.
