@@ -17,8 +17,7 @@ fn all_overlaps_are_found_once() {
     for (case, size) in (0..40).zip([0.0, 0.02, 0.1, 0.5, 3.0].into_iter().cycle()) {
         let lists = [300, 200].map(|count| boxes(&mut random, count, size, case % 3 == 0));
         let [one, other] = if case % 4 == 0 { [lists[0].clone(), lists[0].clone()] } else { lists };
-        let mut found = Vec::new();
-        for_overlaps(&one, &other, &mut { usize::MAX }, |a, b| found.push((a, b)));
+        let mut found = overlaps(&one, &other, &mut { usize::MAX }, |a, b| Some((a, b)));
         found.sort_unstable();
         let all = (0..one.len()).flat_map(|a| (0..other.len()).map(move |b| (a, b)));
         let expected: Vec<_> = all.filter(|&(a, b)| overlap(&one[a], &other[b])).collect();
@@ -29,7 +28,7 @@ fn all_overlaps_are_found_once() {
 #[test]
 fn the_search_ends_when_its_room_is_used_up() {
     let one = vec![[DVec3::ZERO, DVec3::ONE]; 100];
-    let (mut room, mut found) = (1000, 0);
-    for_overlaps(&one, &one, &mut room, |_, _| found += 1);
+    let mut room = 1000;
+    let found = overlaps(&one, &one, &mut room, |_, _| Some(())).len();
     assert_eq!([room, found], [0, 1000]);
 }

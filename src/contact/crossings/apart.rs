@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 use glam::{DVec3, Vec4};
 
-use super::overlaps::{Span, box_around, for_overlaps};
+use super::overlaps::{Span, box_around, overlaps};
 use super::touches::Touches;
 use super::{Features, pierced};
 use crate::model::mesh::along;
@@ -33,7 +33,7 @@ struct Pair {
 }
 
 /// Moves apart what touches. Returns the vertices that move, with their new positions (m).
-pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bool) -> Vec<(u32, Vec4)> {
+pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Vec<(u32, Vec4)> {
     let (x, normals) = features.in_general_position();
     let mut room = ROOM * features.triangles.len();
     let found = pierced(features.edges, features.triangles, &x, &mut room, &may_collide);
@@ -78,7 +78,7 @@ pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
 }
 
 /// The pairs of features that are closer than `reach` (m) at `x` (m).
-fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u32, u32) -> bool) -> Vec<Pair> {
+fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Vec<Pair> {
     let Features { edges, triangles, .. } = features;
     let at = |vertex: u32| x[vertex as usize];
     let mut vertices: Vec<u32> = triangles.iter().flatten().copied().collect();
@@ -87,27 +87,27 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
     let of_vertices: Vec<Span> = vertices.iter().map(|&vertex| box_around(&[at(vertex)], reach)).collect();
     let of_edges: Vec<Span> = edges.iter().map(|ends| box_around(&ends.map(at), 0.5 * reach)).collect();
     let of_triangles: Vec<Span> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
-    let (mut pairs, mut room) = (Vec::new(), ROOM * triangles.len());
-    let mut add = |corners: [u32; 4], weights: [f64; 4]| {
+    let mut room = ROOM * triangles.len();
+    let pair = |corners: [u32; 4], weights: [f64; 4]| {
         let apart: DVec3 = corners.iter().zip(weights).map(|(&vertex, weight)| at(vertex) * weight).sum();
-        if apart.length() < reach {
-            pairs.push(Pair { corners, weights, normal: apart.normalize_or_zero() });
-        }
+        (apart.length() < reach).then(|| Pair { corners, weights, normal: apart.normalize_or_zero() })
     };
-    for_overlaps(&of_vertices, &of_triangles, &mut room, |vertex, triangle| {
+    let mut pairs = overlaps(&of_vertices, &of_triangles, &mut room, |vertex, triangle| {
         let (vertex, [a, b, c]) = (vertices[vertex], triangles[triangle]);
-        if may_collide(vertex, a) && ![a, b, c].contains(&vertex) {
-            let [of_a, of_b, of_c] = nearest(at(vertex), [a, b, c].map(at));
-            add([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c]);
+        if !may_collide(vertex, a) || [a, b, c].contains(&vertex) {
+            return None;
         }
+        let [of_a, of_b, of_c] = nearest(at(vertex), [a, b, c].map(at));
+        pair([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c])
     });
-    for_overlaps(&of_edges, &of_edges, &mut room, |one, other| {
+    pairs.extend(overlaps(&of_edges, &of_edges, &mut room, |one, other| {
         let ([a, b], [c, d]) = (edges[one], edges[other]);
-        if one < other && may_collide(a, c) && a != c && a != d && b != c && b != d {
-            let [s, t] = closest([at(a), at(b)], [at(c), at(d)]);
-            add([a, b, c, d], [1.0 - s, s, t - 1.0, -t]);
+        if one >= other || !may_collide(a, c) || a == c || a == d || b == c || b == d {
+            return None;
         }
-    });
+        let [s, t] = closest([at(a), at(b)], [at(c), at(d)]);
+        pair([a, b, c, d], [1.0 - s, s, t - 1.0, -t])
+    }));
     pairs.sort_unstable_by_key(|pair| pair.corners);
     if room > 0 { pairs } else { Vec::new() }
 }

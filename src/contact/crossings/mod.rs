@@ -15,7 +15,7 @@ mod touches;
 
 use glam::{DVec3, Vec4};
 
-use super::crossings::overlaps::{box_around, for_overlaps};
+use super::crossings::overlaps::{box_around, overlaps};
 
 /// Distances below this multiple of the thickness count as zero.
 const TOUCH_SHARE: f64 = 1e-4;
@@ -49,16 +49,15 @@ impl Features<'_> {
     }
 
     /// Whether boxes around an edge and a triangle that may meet overlap or touch. Where none do, nothing intersects.
-    pub(crate) fn are_close(&self, may_collide: impl Fn(u32, u32) -> bool) -> bool {
+    pub(crate) fn are_close(&self, may_collide: impl Fn(u32, u32) -> bool + Sync) -> bool {
         let (at, touching) = (|vertex: u32| self.x[vertex as usize].truncate().as_dvec3(), self.touching());
         let of_edges: Vec<_> = self.edges.iter().map(|ends| box_around(&ends.map(at), touching)).collect();
         let of_triangles: Vec<_> = self.triangles.iter().map(|corners| box_around(&corners.map(at), touching)).collect();
-        let mut are_close = false;
-        for_overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, |edge, triangle| {
+        let close = overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, |edge, triangle| {
             let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
-            are_close |= may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
+            (may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end))).then_some(())
         });
-        are_close
+        !close.is_empty()
     }
 
     /// Positions (m) at which no four vertices are in one plane, and the normals of the vertices.
@@ -98,18 +97,15 @@ pub(crate) fn pierced(
     triangles: &[[u32; 3]],
     x: &[DVec3],
     room: &mut usize,
-    may_collide: impl Fn(u32, u32) -> bool,
+    may_collide: impl Fn(u32, u32) -> bool + Sync,
 ) -> Vec<[u32; 2]> {
     let at = |vertex: u32| x[vertex as usize];
     let of_edges: Vec<_> = edges.iter().map(|ends| box_around(&ends.map(at), 0.0)).collect();
     let of_triangles: Vec<_> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
-    let mut found = Vec::new();
-    for_overlaps(&of_edges, &of_triangles, room, |edge, triangle| {
+    let mut found = overlaps(&of_edges, &of_triangles, room, |edge, triangle| {
         let (ends, corners) = (edges[edge], triangles[triangle]);
         let may_cross = may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
-        if may_cross && goes_through(ends.map(at), corners.map(at)) {
-            found.push([edge as u32, triangle as u32]);
-        }
+        (may_cross && goes_through(ends.map(at), corners.map(at))).then_some([edge as u32, triangle as u32])
     });
     found.sort_unstable();
     found

@@ -1,6 +1,10 @@
 //! Pairs of overlapping boxes, by cells that are halved until they hold few.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
+
+use crate::HAS_THREADS;
 
 /// The lowest and the highest corner (m).
 pub(crate) type Span = [DVec3; 2];
@@ -10,6 +14,8 @@ const NOTHING: Span = [DVec3::INFINITY, DVec3::NEG_INFINITY];
 const FEW: u64 = 256;
 /// Nor if its halves would have more than this share of those pairs, because its boxes overlap one another.
 const WORTH: f64 = 0.9;
+/// From so many of these pairs on, the halves of a cell are searched by two threads.
+const MANY: u64 = 1 << 18;
 
 /// The box around some points, enlarged by `by` (m).
 pub(crate) fn box_around(points: &[DVec3], by: f64) -> Span {
@@ -22,22 +28,31 @@ pub(crate) fn overlap(a: &Span, b: &Span) -> bool {
     a[0].cmple(b[1]).all() && a[1].cmpge(b[0]).all()
 }
 
-/// Calls `visit` for each pair of a box of one list and a box of the other that overlap, until `room` for such pairs is
-/// used up.
-pub(crate) fn for_overlaps(one: &[Span], other: &[Span], room: &mut usize, visit: impl FnMut(usize, usize)) {
+/// What `visit` returns for each pair of a box of one list and a box of the other that overlap, in no particular order. Ends when
+/// `room` for such pairs is used up; it is 0 then, and what is returned has no meaning.
+pub(crate) fn overlaps<T: Send>(
+    one: &[Span],
+    other: &[Span],
+    room: &mut usize,
+    visit: impl Fn(usize, usize) -> Option<T> + Sync,
+) -> Vec<T> {
     let all = [one, other].map(|boxes| (0..boxes.len() as u32).collect());
-    Search { boxes: [one, other], room, visit }.within(&all, [DVec3::NEG_INFINITY, DVec3::INFINITY]);
+    let search = Search { boxes: [one, other], room: *room, used: AtomicUsize::new(0), visit };
+    let found = search.within(&all, [DVec3::NEG_INFINITY, DVec3::INFINITY]);
+    *room = room.saturating_sub(search.used.into_inner());
+    found
 }
 
-struct Search<'a, M> {
+struct Search<'a, V> {
     boxes: [&'a [Span]; 2],
-    room: &'a mut usize,
-    visit: M,
+    room: usize,
+    used: AtomicUsize,
+    visit: V,
 }
 
-impl<M: FnMut(usize, usize)> Search<'_, M> {
+impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
     /// Searches among the boxes of both lists that reach into a cell. A cell includes its lower borders only.
-    fn within(&mut self, both: &[Vec<u32>; 2], cell: Span) {
+    fn within(&self, both: &[Vec<u32>; 2], cell: Span) -> Vec<T> {
         let count = |both: &[Vec<u32>; 2]| both[0].len() as u64 * both[1].len() as u64;
         if count(both) > FEW {
             let (axis, middle) = self.cut(both, cell);
@@ -46,24 +61,30 @@ impl<M: FnMut(usize, usize)> Search<'_, M> {
             if is_worth {
                 let [mut low, mut high] = [cell, cell];
                 (low[1][axis], high[0][axis]) = (middle, middle);
-                halves.iter().zip([low, high]).for_each(|(half, cell)| self.within(half, cell));
-                return;
+                let [below, above] = [(&halves[0], low), (&halves[1], high)].map(|(half, cell)| move || self.within(half, cell));
+                let are_many = HAS_THREADS && count(both) > MANY;
+                let (mut found, others) = if are_many { rayon::join(below, above) } else { (below(), above()) };
+                found.extend(others);
+                return found;
             }
         }
+        let mut found = Vec::new();
         for &a in &both[0] {
+            let mut used = 0;
             for &b in &both[1] {
                 let (one, other) = (&self.boxes[0][a as usize], &self.boxes[1][b as usize]);
                 // Two boxes may be in several cells together. They meet in that of the lowest corner of what they share.
                 let corner = one[0].max(other[0]);
                 if overlap(one, other) && corner.cmpge(cell[0]).all() && corner.cmplt(cell[1]).all() {
-                    if *self.room == 0 {
-                        return;
-                    }
-                    *self.room -= 1;
-                    (self.visit)(a as usize, b as usize);
+                    used += 1;
+                    found.extend((self.visit)(a as usize, b as usize));
                 }
             }
+            if used > 0 && self.used.fetch_add(used, Ordering::Relaxed) + used >= self.room {
+                break;
+            }
         }
+        found
     }
 
     /// The axis along which the lowest corners of the boxes extend the farthest within the cell, and their mean on it.

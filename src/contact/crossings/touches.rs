@@ -28,7 +28,7 @@ impl Features<'_> {
     /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
     /// pairs are tested for which `may_collide` accepts a vertex of each. If there are more than [`MOST`] to test, returns that
     /// number as an error: detection finds too many pairs then, too.
-    pub(crate) fn crossings(self, may_collide: impl Fn(u32, u32) -> bool) -> Result<Vec<[u32; 2]>, usize> {
+    pub(crate) fn crossings(self, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Result<Vec<[u32; 2]>, usize> {
         let (x, normals) = self.in_general_position();
         let most = MOST[0] + MOST[1] * self.edges.len();
         let mut room = most;
@@ -53,7 +53,7 @@ pub(crate) struct Touches<'a, M> {
 /// An intersection, and whether it is the edge that is to be moved, or the triangle.
 type Move = ([u32; 2], bool);
 
-impl<'a, M: Fn(u32, u32) -> bool> Touches<'a, M> {
+impl<'a, M: Fn(u32, u32) -> bool + Sync> Touches<'a, M> {
     pub(crate) fn new(features: Features<'a>, x: Vec<DVec3>, normals: Vec<DVec3>, may_collide: &'a M) -> Self {
         let room = ROOM[0] + ROOM[1] * features.triangles.len();
         Touches { touching: features.touching(), features, may_collide, x, normals, room }
