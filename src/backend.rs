@@ -73,9 +73,7 @@ impl Engine {
                 GpuFault::Limit(Excess { thing, needed, limit, allowed }) => {
                     BuildError::GpuLimit { backend, thing, needed, limit, allowed }
                 }
-                GpuFault::Other(fault) => {
-                    BuildError::NoGpu { backend, reason: format!("{fault}; install a Vulkan, Metal or DX12 driver") }
-                }
+                GpuFault::Other(reason) => BuildError::NoGpu { backend, reason },
             }
         };
         Ok(match options.backend {

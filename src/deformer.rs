@@ -328,11 +328,10 @@ impl Deformer {
             options: &self.options,
             coefficients,
             motion: &self.motion,
-            place: decision.fastest.place,
             substeps: decision.division.substeps,
             attributes,
         };
-        let plan = Plan::new(&inputs, &mut self.buffers);
+        let plan = Plan { place: decision.fastest.place, ..Plan::new(&inputs, &mut self.buffers) };
         let mut plan = if observed { plan.observed() } else { plan };
         self.watch.limit(&mut plan.params, decision.bounds);
         (&mut self.engine, plan)

@@ -38,6 +38,17 @@ fn a_gpu_has_no_budget() {
     refused(Deformer::new(&mesh, options).unwrap().set_quality(budget).err());
 }
 
+/// Nothing else waits for the GPU here, which is slow.
+#[test]
+fn an_instability_is_told_within_sixteen_steps() {
+    let mesh = Mesh::grid(100, 100, 1.0, 1.0);
+    let options = Options { backend: Backend::Gpu, quality: Quality::Substeps(40), pinned: vec![0, 99], ..Options::default() };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    cloth.step(FRAME, &common::gale(&Attributes::default())).unwrap();
+    let told = (1..=40).find(|_| cloth.step(FRAME, &Attributes::default()).is_err());
+    assert!(told.is_some_and(|step| step <= 16), "told after {told:?} steps");
+}
+
 /// Positions that were requested after a step failed are not there for an engine that was made anew meanwhile.
 #[test]
 fn a_request_after_a_failure_is_dropped_with_it() {

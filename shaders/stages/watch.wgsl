@@ -46,7 +46,7 @@ fn check_vertex(i: u32, x: vec3f, p: vec3f, w: f32) {
 fn add_energy(share: f32) {
     let units = u32(min(share, 1.0) * f32(ALL_ENERGY) + 0.5);
     let before = atomicAdd(&found.energy, units);
-    // A single addition is at most the whole, so exactly one of the invocations sees the sum pass it.
+    // A single addition is at most the whole, so one of the invocations sees the sum pass it; others, too, once it wraps around.
     if before < ALL_ENERGY && before + units >= ALL_ENERGY {
         atomicStore(&found.hot, 1u);
     }

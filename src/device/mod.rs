@@ -53,7 +53,8 @@ impl SharedDevice {
             wgpu::DeviceType::Other => 3,
             wgpu::DeviceType::Cpu => 4,
         };
-        let adapter = adapters.into_iter().min_by_key(rank).ok_or("no adapter was found")?;
+        let adapter =
+            adapters.into_iter().min_by_key(rank).ok_or("no adapter was found; install a Vulkan, Metal or DX12 driver")?;
         let descriptor = wgpu::DeviceDescriptor {
             // Cloth of a million vertices needs bindings larger than wgpu's default of 128 MiB.
             required_limits: adapter.limits(),

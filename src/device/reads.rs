@@ -107,6 +107,16 @@ impl Gpu {
         self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
     }
 
+    /// Waits until the device has answered to what was asked for after a submission.
+    pub(crate) fn wait_for_told(&self, asked: &Mapping, submission: &wgpu::SubmissionIndex) -> Result<(), GpuFault> {
+        self.poll(wgpu::PollType::Poll)?;
+        if !asked.is_told() {
+            self.poll(wgpu::PollType::Wait { submission_index: Some(submission.clone()), timeout: None })?;
+            self.wait_for(|| asked.is_told())?;
+        }
+        Ok(())
+    }
+
     /// Waits for callbacks of work that the device has completed, except in a browser. They may be called by another thread that also
     /// waits for the device, a moment later.
     pub(crate) fn wait_for(&self, are_called: impl Fn() -> bool) -> Result<(), GpuFault> {

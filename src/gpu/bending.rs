@@ -31,19 +31,30 @@ pub(super) struct Bending {
     lists: Lists,
     /// The substep that the rows were computed for, and whether a level is averaged.
     prepared: Option<(Length, bool)>,
-    /// Kernels for each number of passes used so far, without and with averages; `in_use` is the index of the last ones. A
-    /// change of the substep changes the number.
-    kernels: Vec<((usize, bool), Kernels)>,
+    /// Kernels for each number of passes used so far, without and with averages; `None` where tiles would be too large. `in_use` is the
+    /// index of the last ones. A change of the substep changes the number.
+    kernels: Vec<((usize, bool), Option<InTiles>)>,
     in_use: usize,
+    /// The kernels without tiles, once they are needed.
+    apart: Option<Apart>,
 }
 
+/// One kernel with so many tiles.
 #[derive(Debug)]
-enum Kernels {
-    /// With this number of tiles, which also average the displacements for a level or not.
-    Tiles(Stage, usize, bool),
-    /// `moments` computes the first moments along with the prediction. In each further pass, `again` displaces the
-    /// vertices tentatively, then recomputes the moments. `forces` turns these into forces.
-    Apart { moments: Stage, again: [Stage; 2], forces: Stage },
+struct InTiles {
+    stage: Stage,
+    tiles: usize,
+}
+
+/// `moments` computes the first moments along with the prediction. In each further pass, `again` displaces the
+/// vertices tentatively, then recomputes the moments. `forces` turns these into forces.
+#[derive(Debug)]
+struct Apart {
+    /// Whether there is room for the moments of `several` passes.
+    several: bool,
+    moments: Stage,
+    again: [Stage; 2],
+    forces: Stage,
 }
 
 impl Bending {
@@ -54,7 +65,7 @@ impl Bending {
             slices: None,
             passes: gpu.make("bend passes", (MAX_PASSES * SLOT) as u64, usage),
         };
-        Bending { lists, prepared: None, kernels: Vec::new(), in_use: 0 }
+        Bending { lists, prepared: None, kernels: Vec::new(), in_use: 0, apart: None }
     }
 
     /// Prepares for a plan; with tiles if `tiled` and the cloth is small enough for them to be faster.
@@ -66,9 +77,13 @@ impl Bending {
         let count = plan.coefficients.bending.passes_or_one().len();
         let key = (count, bound.level.is_some());
         self.in_use = self.kernels.iter().position(|(of, _)| *of == key).unwrap_or_else(|| {
-            self.kernels.push((key, self.lists.kernels(gpu, plan, bound, count, tiled)));
+            self.kernels.push((key, self.lists.in_tiles(gpu, plan, bound, count, tiled)));
             self.kernels.len() - 1
         });
+        if !self.in_tiles() && self.apart.as_ref().is_none_or(|apart| count > 1 && !apart.several) {
+            self.apart = None;
+            self.apart = Some(self.lists.apart(gpu, plan.cloth, bound, count > 1));
+        }
         self.send(gpu, plan);
     }
 
@@ -85,26 +100,26 @@ impl Bending {
 
     /// Whether the kernels use tiles.
     pub(super) fn in_tiles(&self) -> bool {
-        matches!(self.kernels[self.in_use].1, Kernels::Tiles(..))
+        self.kernels[self.in_use].1.is_some()
     }
 
     /// Whether the kernels average the displacements for a level.
     pub(super) fn averages(&self) -> bool {
-        matches!(self.kernels[self.in_use].1, Kernels::Tiles(_, _, true))
+        matches!(self.kernels[self.in_use], ((_, true), Some(_)))
     }
 
     /// Encodes the prediction from state `from`, and the bending forces.
     pub(super) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
-        match &self.kernels[self.in_use] {
-            (_, Kernels::Tiles(stage, tiles, _)) => stage.dispatch_workgroups(pass, from, &[], *tiles),
-            ((count, _), Kernels::Apart { moments, again, forces }) => {
-                moments.dispatch(pass, from, &slot(0), vertices + plan.pins.len());
-                for number in 1..*count {
-                    again.iter().for_each(|stage| stage.dispatch(pass, from, &slot(number), vertices));
-                }
-                forces.dispatch(pass, from, &slot(0), vertices);
+        let ((count, _), in_tiles) = &self.kernels[self.in_use];
+        if let Some(InTiles { stage, tiles }) = in_tiles {
+            stage.dispatch_workgroups(pass, from, &[], *tiles);
+        } else if let Some(Apart { moments, again, forces, .. }) = &self.apart {
+            moments.dispatch(pass, from, &slot(0), vertices + plan.pins.len());
+            for number in 1..*count {
+                again.iter().for_each(|stage| stage.dispatch(pass, from, &slot(number), vertices));
             }
+            forces.dispatch(pass, from, &slot(0), vertices);
         }
     }
 }
@@ -130,8 +145,8 @@ struct Lists {
 }
 
 impl Lists {
-    /// Creates kernels for `count` passes.
-    fn kernels(&mut self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Kernels {
+    /// Creates a kernel for `count` passes in tiles if that is wanted, and the cloth is small enough.
+    fn in_tiles(&self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Option<InTiles> {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
         let in_vertex = IN_TILE[usize::from(count > 1)];
         let room = gpu.workgroup_memory() / (in_vertex + HELD);
@@ -139,15 +154,12 @@ impl Lists {
             TileSize { own: vertices.div_ceil(TILES).clamp(OWN[0], OWN[1]).min(room), room, bytes: gpu.most_table_bytes() };
         let level = bound.level.map(|(level, _)| level);
         let tiles = (tiled && vertices <= LARGE).then(|| BendTiles::new(&plan.cloth.rest, entries, 2 * count - 1, most, level));
-        match tiles.flatten() {
-            Some(tiles) => self.in_tiles(gpu, bound, &tiles, room, count > 1),
-            None => self.apart(gpu, plan.cloth, bound, count),
-        }
+        tiles.flatten().map(|tiles| self.kernel(gpu, bound, &tiles, room, count > 1))
     }
 
     /// The room of a tile is rounded up, so that tiles of similar size share a kernel and changes of the substep rarely
     /// compile one. It is not all of the memory, because a multiprocessor could then hold only one tile at a time.
-    fn in_tiles(&self, gpu: &Gpu, bound: BendingInputs<'_>, tiles: &BendTiles, most: usize, filtered: bool) -> Kernels {
+    fn kernel(&self, gpu: &Gpu, bound: BendingInputs<'_>, tiles: &BendTiles, most: usize, filtered: bool) -> InTiles {
         let room = tiles.largest.next_multiple_of(ROOMS).min(most);
         let table = gpu.filled("bend tiles", &tiles.table);
         let longest = tiles.longest.next_multiple_of(ROOMS).min(most);
@@ -172,17 +184,17 @@ impl Lists {
             .collect();
         let name = if bound.level.is_some() { "bend_and_average_tile" } else { "bend_tile" };
         let entry = Entry { shader: shaders::BEND_TILE, name, constants: &constants };
-        Kernels::Tiles(Stage::new(gpu, bound.uniforms, entry, &groups), tiles.count, bound.level.is_some())
+        InTiles { stage: Stage::new(gpu, bound.uniforms, entry, &groups), tiles: tiles.count }
     }
 
-    fn apart(&mut self, gpu: &Gpu, cloth: &Cloth, bound: BendingInputs<'_>, count: usize) -> Kernels {
+    fn apart(&mut self, gpu: &Gpu, cloth: &Cloth, bound: BendingInputs<'_>, several: bool) -> Apart {
         let BendingInputs { states, u, uniforms, pins, .. } = bound;
         let slices = self.slices.get_or_insert_with(|| {
             let mut table = Vec::new();
             push_rings(&mut table, cloth.rest.len(), |v| cloth.bending().entries.of(v as u32), |vertex| vertex);
             gpu.filled("bend slices", &table)
         });
-        let moments = gpu.buffer("moments", if count > 1 { 6 } else { 2 } * u.size());
+        let moments = gpu.buffer("moments", if several { 6 } else { 2 } * u.size());
         let passes = Bind::Dynamic(&self.passes, size_of::<BendPass>());
         let stage = |name| {
             stage(gpu, uniforms, shaders::BEND, name, states, |state| {
@@ -191,6 +203,6 @@ impl Lists {
             })
         };
         let again = ["displace_tentatively", "pass_moments"].map(stage);
-        Kernels::Apart { moments: stage("bend_moments"), again, forces: stage("bend_forces") }
+        Apart { several, moments: stage("bend_moments"), again, forces: stage("bend_forces") }
     }
 }

@@ -1,11 +1,11 @@
 //! The end of a step: the result of its last substep becomes the cloth's state if the stability check finds nothing
 //! wrong.
 
-use crate::device::{Entry, Gpu};
+use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, ComputePass, Stage};
-use crate::gpu::state::StateBuffers;
+use crate::gpu::state::{self, StateBuffers};
 use crate::gpu::watch::Defects;
 use crate::model::cloth::Cloth;
 use crate::step::watch::{FEWEST_CHECKED, TURNS};
@@ -58,7 +58,7 @@ impl Commit {
 /// A kernel of a commit, bound to each state but the cloth's own.
 fn stage(gpu: &Gpu, forces: &Forces, name: &'static str, others: [Bind<'_>; 4]) -> Stage {
     let [a, b, c, d] = others;
-    let bound = forces.states[1..].iter().map(|StateBuffers { x, p }| vec![Bind::Read(x), Bind::Read(p), a, b, c, d]);
-    let bound: Vec<_> = bound.collect();
-    Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::COMMIT, name, constants: &[] }, &bound)
+    state::stage(gpu, &forces.uniforms, shaders::COMMIT, name, &forces.states[1..], |StateBuffers { x, p }| {
+        vec![Bind::Read(x), Bind::Read(p), a, b, c, d]
+    })
 }

@@ -233,10 +233,10 @@ impl GpuEngine {
                 for (_, engine, plan) in together.iter_mut() {
                     engine.dispatches = engine.encode(&mut submission, plan, engine.route(plan, crowd));
                 }
-                submission.submit_with(|encoder| {
+                let submission = submission.submit_with(|encoder| {
                     together.iter_mut().for_each(|(_, engine, _)| engine.report.copy_if_due(encoder, &engine.commit.found));
                 });
-                together.iter_mut().for_each(|(_, engine, _)| engine.report.ask_if_copied());
+                together.iter_mut().for_each(|(_, engine, _)| engine.report.ask_if_copied(&submission));
                 Ok(())
             });
             if let Err(reason) = submitted {

@@ -107,14 +107,11 @@ impl Counter {
             Pending::UnderWay(under_way) => under_way,
             Pending::Here(seen) => return Ok(*seen),
         };
-        gpu.poll(wgpu::PollType::Poll)?;
-        if !mapping.is_told() {
-            gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
-            gpu.wait_for(|| mapping.is_told())?;
-        }
+        gpu.wait_for_told(&mapping, &submission)?;
         let seen = mapping.read(gpu, "the statistics", bytemuck::pod_read_unaligned)?;
+        let seen = seen.ok_or_else(|| gpu.unmapped("the statistics"))?;
         self.free.push(staging);
-        seen.ok_or_else(|| gpu.unmapped("the statistics"))
+        Ok(seen)
     }
 
     /// Waits for the statistics of the last steps, and keeps them to be returned later.

@@ -76,9 +76,9 @@ impl<'a> Submission<'a> {
     }
 
     /// Submits the pass, with copies after the dispatches.
-    pub(crate) fn submit_with(self, copies: impl FnOnce(&mut wgpu::CommandEncoder)) {
+    pub(crate) fn submit_with(self, copies: impl FnOnce(&mut wgpu::CommandEncoder)) -> wgpu::SubmissionIndex {
         let gpu = self.gpu;
-        gpu.queue().submit([self.finish_with(copies)]);
+        gpu.queue().submit([self.finish_with(copies)])
     }
 
     /// The commands of the pass, with copies after the dispatches, to be submitted later.

@@ -195,7 +195,7 @@ impl Tiles {
         gpu.write(buffer, start + size_of::<u32>() * self.edges, &self.table[self.edges..]);
     }
 
-    /// The cloth's edge that is number `k % widest` of color `k / widest` in the first tile.
+    /// The cloth's edge that is number `k % widest` of color `k / widest`; the colors of each tile follow those of the one before.
     pub(crate) fn edge(&self, k: usize) -> usize {
         let width = self.widest.max(1);
         self.sources[3 * width * (k / width) + width + k % width] as usize

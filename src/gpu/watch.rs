@@ -1,11 +1,11 @@
 //! The result of the stability check on the GPU: seven words that stay there until somebody reads them, and that are
-//! read back with a delay where nobody does.
+//! read back with a delay where nobody does, so that no more than twice [`EVERY`] steps are under way.
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::device::reads::Mapping;
+use crate::device::{Gpu, IN_BROWSER};
 use crate::error::failure::{Defect, Failure};
 
 /// No vertex or edge: `NONE` of `limits.wgsl`.
@@ -50,7 +50,8 @@ impl Defects {
 #[derive(Debug)]
 pub(crate) struct Report {
     staging: wgpu::Buffer,
-    asked: Option<Mapping>,
+    /// What was asked for, and the submission that it follows.
+    asked: Option<(Mapping, wgpu::SubmissionIndex)>,
     /// Steps since the last request.
     steps: u32,
     /// Whether the last submission copied the words.
@@ -74,11 +75,11 @@ impl Report {
         }
     }
 
-    /// Requests the words, if the last submission copied them.
-    pub(crate) fn ask_if_copied(&mut self) {
+    /// Requests the words, if this submission, the last one, copied them.
+    pub(crate) fn ask_if_copied(&mut self, submission: &wgpu::SubmissionIndex) {
         if std::mem::take(&mut self.is_copied) {
             self.steps = 0;
-            self.asked = Some(Mapping::new(self.staging.clone()));
+            self.asked = Some((Mapping::new(self.staging.clone()), submission.clone()));
         }
     }
 
@@ -87,9 +88,12 @@ impl Report {
         self.is_stale = self.asked.is_some();
     }
 
-    /// The words, once, if they have arrived. A lost device does not send them any more.
+    /// The words, once, if they have arrived; waits for them if they are due again. A lost device does not send them any more.
     pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Defects>, GpuFault> {
-        let Some(asked) = &self.asked else { return Ok(None) };
+        let Some((asked, submission)) = &self.asked else { return Ok(None) };
+        if !IN_BROWSER && self.steps >= EVERY && !asked.is_told() {
+            gpu.wait_for_told(asked, submission)?;
+        }
         let found = asked.read(gpu, "what steps found", bytemuck::pod_read_unaligned)?;
         self.asked.take_if(|_| found.is_some());
         Ok(found.filter(|_| !std::mem::take(&mut self.is_stale)))

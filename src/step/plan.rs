@@ -27,9 +27,8 @@ pub(crate) struct StepInputs<'a> {
     pub levels: &'a [Level],
     pub options: &'a Options,
     pub coefficients: &'a Coefficients,
-    /// Where the last step left off, and where the cloth may be in this one, as far as that is known.
+    /// Where the last step left off.
     pub motion: &'a Motion,
-    pub place: Option<Place>,
     /// The number of substeps.
     pub substeps: u32,
     pub attributes: &'a Attributes,
@@ -219,7 +218,7 @@ impl<'a> Plan<'a> {
             bodies_and_anchors: &buffers.bodies,
             anchors,
             meshes: &buffers.meshes,
-            place: inputs.place,
+            place: None,
             pins: &buffers.pins,
             pins_from: &motion.pins,
             method: options.method,

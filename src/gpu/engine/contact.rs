@@ -178,8 +178,8 @@ impl GpuEngine {
         let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         let judgment = contact.judge(gpu)?;
         if matches!(judgment, Judgment::Good) {
-            gpu.queue().submit([commit]);
-            self.report.ask_if_copied();
+            let submission = gpu.queue().submit([commit]);
+            self.report.ask_if_copied(&submission);
         }
         Ok(judgment)
     }

@@ -155,12 +155,16 @@ impl GpuEngine {
         if gpu.is_lost() {
             return Err(Failure::Gpu(GpuFault::Lost));
         }
-        gpu.checked(|| {
+        let surface = gpu.checked(|| {
             let normals = normals.get_or_insert_with(|| Normals::new(gpu, cloth, &forces.states[0].x));
             normals.submit(gpu);
             Ok(normals.surface.clone())
+        });
+        // What could not be made is incomplete.
+        surface.map_err(|fault| {
+            *normals = None;
+            Failure::Gpu(fault)
         })
-        .map_err(Failure::Gpu)
     }
 
     /// A render mesh that follows the cloth, its vertices given.
