@@ -23,6 +23,15 @@ override EACH: u32 = 16u;
 var<workgroup> dx_of: array<vec3f, WORKGROUP>;
 var<workgroup> u_of: array<vec3f, WORKGROUP>;
 
+// A vertex's predicted displacement in this substep. `motion` already is that if a prediction stage ran, otherwise it
+// is the last displacement.
+fn motion_displacement(motion: vec3f, w: f32, substep: Substep) -> vec3f {
+    if params.predicted != 0u {
+        return motion;
+    }
+    return select(predict_displacement(motion, substep), vec3f(), w == 0.0);
+}
+
 fn position_of(k: u32) -> vec4f {
     if OF_VERTICES {
         return x[k];

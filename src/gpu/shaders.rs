@@ -85,7 +85,7 @@ shaders! {
             "stages/watch" "stages/sweep" "stages/tiles" "stages/watch_edges" "stages/levels" "stages/tethers" "stages/move"
             "stages/bend_ring" "stages/bend_in_workgroup" "stages/forces_in_workgroup" "stages/single_workgroup";
         COMMIT: "limits" "watch" "stages/watch" "stages/commit";
-        RESTRICT: "average" "integrate" "stages/motion" "stages/restrict";
+        RESTRICT: "average" "integrate" "stages/restrict";
         LEVEL_TILE: "average" "distance" "stages/sweep" "stages/tiles" "stages/tile_sweep" "stages/level_tile";
         LEVELS_IN_WORKGROUP: "average" "distance" "stages/sweep" "stages/levels" "stages/levels_in_workgroup";
         LEVELS_PER_COLOR: "average" "distance" "stages/levels_per_color";
