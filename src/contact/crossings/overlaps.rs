@@ -14,7 +14,7 @@ const NOTHING: Span = [DVec3::INFINITY, DVec3::NEG_INFINITY];
 const FEW: u64 = 256;
 /// Nor if its halves would have more than this share of those pairs, because its boxes overlap one another.
 const WORTH: f64 = 0.9;
-/// From so many of these pairs on, the halves of a cell are searched by two threads.
+/// More of these pairs are divided among threads.
 const MANY: u64 = 1 << 18;
 
 /// The box around some points, enlarged by `by` (m).
@@ -62,16 +62,24 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
                 let [mut low, mut high] = [cell, cell];
                 (low[1][axis], high[0][axis]) = (middle, middle);
                 let [below, above] = [(&halves[0], low), (&halves[1], high)].map(|(half, cell)| move || self.within(half, cell));
-                let are_many = HAS_THREADS && count(both) > MANY;
-                let (mut found, others) = if are_many { rayon::join(below, above) } else { (below(), above()) };
-                found.extend(others);
-                return found;
+                return together(count(both), below, above);
             }
         }
+        let [one, other] = both;
+        self.compare(one, other, cell)
+    }
+
+    /// Compares each box of one list with each of the other.
+    fn compare(&self, ones: &[u32], others: &[u32], cell: Span) -> Vec<T> {
+        let count = ones.len() as u64 * others.len() as u64;
+        if count > MANY && ones.len() > 1 {
+            let (first, last) = ones.split_at(ones.len() / 2);
+            return together(count, || self.compare(first, others, cell), || self.compare(last, others, cell));
+        }
         let mut found = Vec::new();
-        for &a in &both[0] {
+        for &a in ones {
             let mut used = 0;
-            for &b in &both[1] {
+            for &b in others {
                 let (one, other) = (&self.boxes[0][a as usize], &self.boxes[1][b as usize]);
                 // Two boxes may be in several cells together. They meet in that of the lowest corner of what they share.
                 let corner = one[0].max(other[0]);
@@ -110,6 +118,13 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
             both[list].iter().copied().filter(reaches).collect()
         })
     }
+}
+
+/// What two searches find among so many pairs.
+fn together<T: Send>(count: u64, one: impl FnOnce() -> Vec<T> + Send, other: impl FnOnce() -> Vec<T> + Send) -> Vec<T> {
+    let (mut found, more) = if HAS_THREADS && count > MANY { rayon::join(one, other) } else { (one(), other()) };
+    found.extend(more);
+    found
 }
 
 #[cfg(test)]
