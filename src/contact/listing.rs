@@ -4,7 +4,7 @@
 use glam::{Vec3A, Vec4};
 
 use super::TriangleContact;
-use super::crossings::known::KnownCrossings;
+use super::crossings::known::{KnownCrossings, Posed};
 use super::detection::DetectionInput;
 use super::detection::paths::Paths;
 use super::detection::tree::DetectionScope;
@@ -26,7 +26,7 @@ impl TriangleContact {
             crossings.note(&pinched, surface);
             let ends: Vec<Vec4> = x.iter().zip(u).map(|(x, u)| x + u.with_w(0.0)).collect();
             let vertices: Vec<u32> = pinched.iter().flat_map(|pair| pair.corners).collect();
-            if crossings.follow(surface, &ends, &vertices) {
+            if crossings.follow(Posed { surface, x: &ends, is_shared: false }, &vertices) {
                 paths.end();
             }
         }
@@ -39,10 +39,11 @@ impl TriangleContact {
         if !sum.is_finite() {
             return false;
         }
+        let posed = Posed { surface: &self.surface, x: path.x, is_shared: path.workers.count() > 1 };
         if self.kinematics_moved && self.crossings.are_all {
-            self.crossings.are_all = !KnownCrossings::kinematics_cross(&self.surface, path.x);
+            self.crossings.are_all = !KnownCrossings::kinematics_cross(posed);
         }
-        let are_all = self.crossings.look_around(&self.surface, path.x);
+        let are_all = self.crossings.look_around(posed);
         let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], ..path };
         let crosses = !are_all || !self.crossings.pairs.is_empty();
         let is_listed = !crosses && self.lists.iter().all(|rows| !rows.starts.is_empty());
@@ -76,7 +77,7 @@ impl TriangleContact {
         self.contacts.store_multipliers(lists, path.workers);
         detection.mark_pressed(lists, path.x);
         paths.begin(path.x, path.u, &detection.pressed, surface);
-        self.crossings.search(surface, path.x, &[]);
+        self.crossings.search(Posed { surface, x: path.x, is_shared: path.workers.count() > 1 }, &[]);
         let input = detection_input(surface, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;
         let crossings = &self.crossings;

@@ -75,7 +75,7 @@ use contacts::Contacts;
 pub(crate) use contacts::carry::ROUNDS;
 #[cfg(feature = "gpu")]
 pub(crate) use contacts::response::ITERATIONS;
-use crossings::known::KnownCrossings;
+use crossings::known::{KnownCrossings, Posed};
 use detection::Detection;
 #[cfg(feature = "gpu")]
 pub(crate) use detection::max_listed;
@@ -233,7 +233,7 @@ impl TriangleContact {
         }
         let context = SubstepContext { plan, substep, workers, width };
         self.bodies.advance(plan, substep, x, u);
-        self.part_touches(x);
+        self.part_touches(x, workers);
         self.push.push_out(context, x, u, self.bodies.first);
         // Vertices that jump this far out of a collider may jump over others.
         self.crossings.are_all &= self.push.most <= self.surface.thickness;
@@ -253,9 +253,10 @@ impl TriangleContact {
     }
 
     /// Moves apart what touches exactly, once after the state was replaced or a body has jumped.
-    fn part_touches(&self, x: &mut [Vec4]) {
+    fn part_touches(&self, x: &mut [Vec4], workers: Workers<'_>) {
         if !self.crossings.are_all && self.paths.since.is_none() {
-            let moved = KnownCrossings::part_touches(&self.surface, x);
+            let posed = Posed { surface: &self.surface, x, is_shared: workers.count() > 1 };
+            let moved = KnownCrossings::part_touches(posed);
             moved.into_iter().for_each(|(vertex, at)| x[vertex as usize] = at);
         }
     }
@@ -331,8 +332,9 @@ impl TriangleContact {
         if may_be_others && self.too_many == 0 {
             let first = self.bodies.first;
             let ends: Vec<Vec4> = x[..first].iter().copied().chain((first..x.len()).map(|i| x[i] + u[i].with_w(0.0))).collect();
-            if ends.iter().all(|x| x.is_finite()) && !self.crossings.look_around(&self.surface, &ends) {
-                self.crossings.find(&self.surface, &ends);
+            let posed = Posed { surface: &self.surface, x: &ends, is_shared: workers.count() > 1 };
+            if ends.iter().all(|x| x.is_finite()) && !self.crossings.look_around(posed) {
+                self.crossings.find(posed);
                 self.paths.end();
             }
         }

@@ -175,12 +175,16 @@ pub(crate) fn pressure(attributes: &Attributes) -> f64 {
 /// Dynamic pressure (Pa) of the wind on cloth without pins that has come to rest: in the caller's frame or on a collider that is
 /// near, whichever goes along with the wind. The seat of an open car is as still as one on the ground.
 fn still_pressure(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, fastest: &Fastest) -> f64 {
+    let still = pressure(attributes);
+    if still == 0.0 {
+        return still;
+    }
     let near = motion.followed(&attributes.colliders).filter(|(now, last)| {
         let travel = travel(&now.shape, &last.shape, fastest.drift);
         is_near(cloth, now, travel, f64::from(dt), fastest.place)
     });
     let velocities = near.map(|(now, last)| (now.landmarks()[0] - last.landmarks()[0]) / dt);
-    velocities.map(|velocity| pressure_of(attributes, attributes.wind - velocity)).fold(pressure(attributes), f64::min)
+    velocities.map(|velocity| pressure_of(attributes, attributes.wind - velocity)).fold(still, f64::min)
 }
 
 /// Dynamic pressure (Pa) of air that moves at this velocity (m/s) relative to the cloth.

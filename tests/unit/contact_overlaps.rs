@@ -15,9 +15,11 @@ fn boxes(random: &mut fastrand::Rng, count: usize, size: f64, flat: bool) -> Vec
 fn all_overlaps_are_found_once() {
     let mut random = fastrand::Rng::with_seed(1);
     for (case, size) in (0..40).zip([0.0, 0.02, 0.1, 0.5, 3.0].into_iter().cycle()) {
-        let lists = [300, 200].map(|count| boxes(&mut random, count, size, case % 3 == 0));
+        // The larger lists are worth several threads.
+        let counts = if case % 8 < 2 { [900, 700] } else { [300, 200] };
+        let lists = counts.map(|count| boxes(&mut random, count, size, case % 3 == 0));
         let [one, other] = if case % 4 == 0 { [lists[0].clone(), lists[0].clone()] } else { lists };
-        let mut found = overlaps(&one, &other, &mut { usize::MAX }, |a, b| Some((a, b)));
+        let mut found = overlaps(&one, &other, &mut { usize::MAX }, case % 2 == 0, |a, b| Some((a, b)));
         found.sort_unstable();
         let all = (0..one.len()).flat_map(|a| (0..other.len()).map(move |b| (a, b)));
         let expected: Vec<_> = all.filter(|&(a, b)| overlap(&one[a], &other[b])).collect();
@@ -29,6 +31,6 @@ fn all_overlaps_are_found_once() {
 fn the_search_ends_when_its_room_is_used_up() {
     let one = vec![[DVec3::ZERO, DVec3::ONE]; 100];
     let mut room = 1000;
-    let found = overlaps(&one, &one, &mut room, |_, _| Some(())).len();
+    let found = overlaps(&one, &one, &mut room, false, |_, _| Some(())).len();
     assert_eq!([room, found], [0, 1000]);
 }

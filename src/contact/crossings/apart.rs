@@ -36,7 +36,7 @@ struct Pair {
 pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Vec<(u32, Vec4)> {
     let (x, normals) = features.in_general_position();
     let mut room = ROOM * features.triangles.len();
-    let found = pierced(features.edges, features.triangles, &x, &mut room, &may_collide);
+    let found = pierced(features.edges, features.triangles, &x, &mut room, features.is_shared, &may_collide);
     if room == 0 {
         return Vec::new();
     }
@@ -92,7 +92,7 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
         let apart: DVec3 = corners.iter().zip(weights).map(|(&vertex, weight)| at(vertex) * weight).sum();
         (apart.length() < reach).then(|| Pair { corners, weights, normal: apart.normalize_or_zero() })
     };
-    let mut pairs = overlaps(&of_vertices, &of_triangles, &mut room, |vertex, triangle| {
+    let mut pairs = overlaps(&of_vertices, &of_triangles, &mut room, features.is_shared, |vertex, triangle| {
         let (vertex, [a, b, c]) = (vertices[vertex], triangles[triangle]);
         if !may_collide(vertex, a) || [a, b, c].contains(&vertex) {
             return None;
@@ -100,7 +100,7 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
         let [of_a, of_b, of_c] = nearest(at(vertex), [a, b, c].map(at));
         pair([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c])
     });
-    pairs.extend(overlaps(&of_edges, &of_edges, &mut room, |one, other| {
+    pairs.extend(overlaps(&of_edges, &of_edges, &mut room, features.is_shared, |one, other| {
         let ([a, b], [c, d]) = (edges[one], edges[other]);
         if one >= other || !may_collide(a, c) || a == c || a == d || b == c || b == d {
             return None;

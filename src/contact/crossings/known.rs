@@ -18,6 +18,14 @@ const RINGS: usize = 2;
 /// From one in so many vertices on, a search around them takes as long as one of everything.
 const MANY: usize = 16;
 
+/// A surface with all vertices at some positions (m), and whether the pool's threads share searches on it.
+#[derive(Clone, Copy)]
+pub(crate) struct Posed<'a> {
+    pub surface: &'a Surface,
+    pub x: &'a [Vec4],
+    pub is_shared: bool,
+}
+
 /// The known intersections, and the pairs that contact must ignore so that the cloth can leave an intersection again.
 #[derive(Debug, Default)]
 pub(crate) struct KnownCrossings {
@@ -38,25 +46,25 @@ pub(crate) struct KnownCrossings {
 impl KnownCrossings {
     /// Searches for all intersections: of the cloth with bodies and, if it has contact with itself, of the cloth with itself.
     /// Of cloth that is crammed into one place none is known; detection refuses it.
-    pub(crate) fn find(&mut self, surface: &Surface, x: &[Vec4]) {
-        let found = features(surface, x).crossings(|a, b| surface.may_collide(a, b));
-        self.take(found.unwrap_or_default(), surface);
+    pub(crate) fn find(&mut self, posed: Posed<'_>) {
+        let found = posed.features().crossings(|a, b| posed.surface.may_collide(a, b));
+        self.take(found.unwrap_or_default(), posed.surface);
         self.are_all = true;
     }
 
     /// Searches where there may be others: everywhere, or around the known ones and some vertices. Returns whether they may have changed.
-    pub(crate) fn search(&mut self, surface: &Surface, x: &[Vec4], vertices: &[u32]) -> bool {
-        let anywhere = !self.look_around(surface, x);
+    pub(crate) fn search(&mut self, posed: Posed<'_>, vertices: &[u32]) -> bool {
+        let anywhere = !self.look_around(posed);
         if anywhere {
-            self.find(surface, x);
+            self.find(posed);
         }
-        anywhere || self.follow(surface, x, vertices)
+        anywhere || self.follow(posed, vertices)
     }
 
     /// Looks around the vertices that drifted. Returns whether the known intersections are all that there are.
-    pub(crate) fn look_around(&mut self, surface: &Surface, x: &[Vec4]) -> bool {
+    pub(crate) fn look_around(&mut self, posed: Posed<'_>) -> bool {
         let drifted = std::mem::take(&mut self.drifted);
-        self.are_all = self.are_all && !KnownCrossings::cross_around(surface, x, drifted);
+        self.are_all = self.are_all && !KnownCrossings::cross_around(posed, drifted);
         self.are_all
     }
 
@@ -65,7 +73,8 @@ impl KnownCrossings {
     ///
     /// While contact holds all other pairs, intersections arise only where pairs are ignored, or pinched: a vertex that moves
     /// through a triangle takes its edges along, and an edge that moves past a side of a triangle gets into its neighbor.
-    pub(crate) fn follow(&mut self, surface: &Surface, x: &[Vec4], vertices: &[u32]) -> bool {
+    pub(crate) fn follow(&mut self, posed: Posed<'_>, vertices: &[u32]) -> bool {
+        let surface = posed.surface;
         if self.pairs.is_empty() && vertices.is_empty() {
             return false;
         }
@@ -76,7 +85,7 @@ impl KnownCrossings {
         let features = Features {
             edges: &edges.iter().map(|&edge| surface.edges[edge as usize]).collect::<Vec<_>>(),
             triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
-            ..features(surface, x)
+            ..posed.features()
         };
         let found = features.crossings(|a, b| surface.may_collide(a, b)).unwrap_or_default();
         let found: Vec<[u32; 2]> =
@@ -90,7 +99,8 @@ impl KnownCrossings {
 
     /// Whether anything intersects the features at some vertices of the cloth, or merely touches them. If these are many, it is not
     /// found out.
-    fn cross_around(surface: &Surface, x: &[Vec4], mut vertices: Vec<u32>) -> bool {
+    fn cross_around(posed: Posed<'_>, mut vertices: Vec<u32>) -> bool {
+        let surface = posed.surface;
         vertices.sort_unstable();
         vertices.dedup();
         if vertices.is_empty() || MANY * vertices.len() > surface.cloth_vertices() {
@@ -100,9 +110,10 @@ impl KnownCrossings {
         let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
         let triangles: Vec<[u32; 3]> = triangles.into_iter().map(|triangle| surface.triangles[triangle as usize]).collect();
         let edges: Vec<[u32; 2]> = edges.into_iter().map(|edge| surface.edges[edge as usize]).collect();
-        let (x, _) = features(surface, x).in_general_position();
-        let [of_edges, of_triangles] = [(&edges, &surface.triangles), (&surface.edges, &triangles)]
-            .map(|(edges, triangles)| pierced(edges, triangles, &x, &mut { usize::MAX }, |a, b| surface.may_collide(a, b)));
+        let (x, _) = posed.features().in_general_position();
+        let [of_edges, of_triangles] = [(&edges, &surface.triangles), (&surface.edges, &triangles)].map(|(edges, triangles)| {
+            pierced(edges, triangles, &x, &mut { usize::MAX }, posed.is_shared, |a, b| surface.may_collide(a, b))
+        });
         !(of_edges.is_empty() && of_triangles.is_empty())
     }
 
@@ -122,13 +133,14 @@ impl KnownCrossings {
     }
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
-    pub(crate) fn part_touches(surface: &Surface, x: &[Vec4]) -> Vec<(u32, Vec4)> {
-        apart(features(surface, x), |a, b| surface.may_collide(a, b))
+    pub(crate) fn part_touches(posed: Posed<'_>) -> Vec<(u32, Vec4)> {
+        apart(posed.features(), |a, b| posed.surface.may_collide(a, b))
     }
 
     /// Whether anything intersects whose vertices are all kinematic (pins or parts of bodies). Contact cannot hold
     /// these apart.
-    pub(crate) fn kinematics_cross(surface: &Surface, x: &[Vec4]) -> bool {
+    pub(crate) fn kinematics_cross(posed: Posed<'_>) -> bool {
+        let Posed { surface, x, .. } = posed;
         let (mut edges, mut triangles) = kinematic_features(surface, x);
         if edges.is_empty() {
             return false;
@@ -138,7 +150,7 @@ impl KnownCrossings {
         let (body_edges, body_triangles) = bodies_within(surface, x, region, !triangles.is_empty());
         edges.extend(body_edges);
         triangles.extend(body_triangles);
-        let features = Features { edges: &edges, triangles: &triangles, ..features(surface, x) };
+        let features = Features { edges: &edges, triangles: &triangles, ..posed.features() };
         let may_collide = |a, b| surface.may_collide(a, b);
         features.are_close(may_collide) && !features.crossings(may_collide).is_ok_and(|found| found.is_empty())
     }
@@ -245,7 +257,10 @@ fn by_vertices([edge, triangle]: [u32; 2], surface: &Surface) -> ([u32; 2], [u32
     (surface.edges[edge as usize], surface.triangles[triangle as usize])
 }
 
-fn features<'a>(surface: &'a Surface, x: &'a [Vec4]) -> Features<'a> {
-    let Surface { edges, triangles, thickness, .. } = surface;
-    Features { edges, triangles, x, cloth_vertices: surface.cloth_vertices(), thickness: *thickness }
+impl<'a> Posed<'a> {
+    fn features(self) -> Features<'a> {
+        let Posed { surface, x, is_shared } = self;
+        let Surface { edges, triangles, thickness, .. } = surface;
+        Features { edges, triangles, x, cloth_vertices: surface.cloth_vertices(), thickness: *thickness, is_shared }
+    }
 }

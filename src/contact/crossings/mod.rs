@@ -35,6 +35,8 @@ pub(crate) struct Features<'a> {
     pub cloth_vertices: usize,
     /// The thickness (m) of the cloth.
     pub thickness: f32,
+    /// Whether the pool's threads share a search. Not where they step other cloths.
+    pub is_shared: bool,
 }
 
 impl Features<'_> {
@@ -53,7 +55,7 @@ impl Features<'_> {
         let (at, touching) = (|vertex: u32| self.x[vertex as usize].truncate().as_dvec3(), self.touching());
         let of_edges: Vec<_> = self.edges.iter().map(|ends| box_around(&ends.map(at), touching)).collect();
         let of_triangles: Vec<_> = self.triangles.iter().map(|corners| box_around(&corners.map(at), touching)).collect();
-        let close = overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, |edge, triangle| {
+        let close = overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, self.is_shared, |edge, triangle| {
             let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
             (may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end))).then_some(())
         });
@@ -97,12 +99,13 @@ pub(crate) fn pierced(
     triangles: &[[u32; 3]],
     x: &[DVec3],
     room: &mut usize,
+    is_shared: bool,
     may_collide: impl Fn(u32, u32) -> bool + Sync,
 ) -> Vec<[u32; 2]> {
     let at = |vertex: u32| x[vertex as usize];
     let of_edges: Vec<_> = edges.iter().map(|ends| box_around(&ends.map(at), 0.0)).collect();
     let of_triangles: Vec<_> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
-    let mut found = overlaps(&of_edges, &of_triangles, room, |edge, triangle| {
+    let mut found = overlaps(&of_edges, &of_triangles, room, is_shared, |edge, triangle| {
         let (ends, corners) = (edges[edge], triangles[triangle]);
         let may_cross = may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
         (may_cross && goes_through(ends.map(at), corners.map(at))).then_some([edge as u32, triangle as u32])

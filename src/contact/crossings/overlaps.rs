@@ -14,7 +14,7 @@ const NOTHING: Span = [DVec3::INFINITY, DVec3::NEG_INFINITY];
 const FEW: u64 = 256;
 /// Nor if its halves would have more than this share of those pairs, because its boxes overlap one another.
 const WORTH: f64 = 0.9;
-/// More of these pairs are divided among threads.
+/// More of these pairs are worth several threads.
 const MANY: u64 = 1 << 18;
 
 /// The box around some points, enlarged by `by` (m).
@@ -29,15 +29,18 @@ pub(crate) fn overlap(a: &Span, b: &Span) -> bool {
 }
 
 /// What `visit` returns for each pair of a box of one list and a box of the other that overlap, in no particular order. Ends when
-/// `room` for such pairs is used up; it is 0 then, and what is returned has no meaning.
+/// `room` for such pairs is used up; it is 0 then, and what is returned has no meaning. If it `is_shared`, the pool's threads help;
+/// while this one waits for them, it may do other work of the pool.
 pub(crate) fn overlaps<T: Send>(
     one: &[Span],
     other: &[Span],
     room: &mut usize,
+    is_shared: bool,
     visit: impl Fn(usize, usize) -> Option<T> + Sync,
 ) -> Vec<T> {
     let all = [one, other].map(|boxes| (0..boxes.len() as u32).collect());
-    let search = Search { boxes: [one, other], room: *room, used: AtomicUsize::new(0), visit };
+    let most_alone = if is_shared && HAS_THREADS { MANY } else { u64::MAX };
+    let search = Search { boxes: [one, other], room: *room, used: AtomicUsize::new(0), most_alone, visit };
     let found = search.within(&all, [DVec3::NEG_INFINITY, DVec3::INFINITY]);
     *room = room.saturating_sub(search.used.into_inner());
     found
@@ -47,6 +50,8 @@ struct Search<'a, V> {
     boxes: [&'a [Span]; 2],
     room: usize,
     used: AtomicUsize,
+    /// More pairs are divided among threads.
+    most_alone: u64,
     visit: V,
 }
 
@@ -62,7 +67,7 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
                 let [mut low, mut high] = [cell, cell];
                 (low[1][axis], high[0][axis]) = (middle, middle);
                 let [below, above] = [(&halves[0], low), (&halves[1], high)].map(|(half, cell)| move || self.within(half, cell));
-                return together(count(both), below, above);
+                return self.together(count(both), below, above);
             }
         }
         let [one, other] = both;
@@ -72,9 +77,9 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
     /// Compares each box of one list with each of the other.
     fn compare(&self, ones: &[u32], others: &[u32], cell: Span) -> Vec<T> {
         let count = ones.len() as u64 * others.len() as u64;
-        if count > MANY && ones.len() > 1 {
+        if count > self.most_alone && ones.len() > 1 {
             let (first, last) = ones.split_at(ones.len() / 2);
-            return together(count, || self.compare(first, others, cell), || self.compare(last, others, cell));
+            return self.together(count, || self.compare(first, others, cell), || self.compare(last, others, cell));
         }
         let mut found = Vec::new();
         for &a in ones {
@@ -92,6 +97,13 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
                 break;
             }
         }
+        found
+    }
+
+    /// What two searches find among so many pairs.
+    fn together(&self, count: u64, one: impl FnOnce() -> Vec<T> + Send, other: impl FnOnce() -> Vec<T> + Send) -> Vec<T> {
+        let (mut found, more) = if count > self.most_alone { rayon::join(one, other) } else { (one(), other()) };
+        found.extend(more);
         found
     }
 
@@ -118,13 +130,6 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
             both[list].iter().copied().filter(reaches).collect()
         })
     }
-}
-
-/// What two searches find among so many pairs.
-fn together<T: Send>(count: u64, one: impl FnOnce() -> Vec<T> + Send, other: impl FnOnce() -> Vec<T> + Send) -> Vec<T> {
-    let (mut found, more) = if HAS_THREADS && count > MANY { rayon::join(one, other) } else { (one(), other()) };
-    found.extend(more);
-    found
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ impl Features<'_> {
         let (x, normals) = self.in_general_position();
         let most = MOST[0] + MOST[1] * self.edges.len();
         let mut room = most;
-        let found = pierced(self.edges, self.triangles, &x, &mut room, &may_collide);
+        let found = pierced(self.edges, self.triangles, &x, &mut room, self.is_shared, &may_collide);
         if room == 0 { Err(most) } else { Ok(Touches::new(self, x, normals, &may_collide).left_out_of(found)) }
     }
 }
@@ -179,7 +179,7 @@ impl<'a, M: Fn(u32, u32) -> bool + Sync> Touches<'a, M> {
             .collect();
         let ends: Vec<[u32; 2]> = near_edges.iter().map(|&edge| edges[edge as usize]).collect();
         let corners: Vec<[u32; 3]> = near_triangles.iter().map(|&triangle| triangles[triangle as usize]).collect();
-        let found = pierced(&ends, &corners, x, room, self.may_collide);
+        let found = pierced(&ends, &corners, x, room, false, self.may_collide);
         if *room == 0 {
             return None;
         }

@@ -11,7 +11,7 @@ use super::ContactPast;
 use super::bodies::{Bodies, is_near, kinematic_pins, motions, motions_of};
 use super::common_motion::CommonMotion;
 use super::contacts::pinches::Pinched;
-use super::crossings::known::KnownCrossings;
+use super::crossings::known::{KnownCrossings, Posed};
 use super::detection::paths::Paths;
 use super::detection::rows::Rows;
 use super::detection::tree::Tree;
@@ -147,11 +147,15 @@ impl HostContact {
         pins_may && self.pins_cross(plan)
     }
 
+    fn posed<'a>(&'a self, x: &'a [Vec4]) -> Posed<'a> {
+        Posed { surface: &self.surface, x, is_shared: true }
+    }
+
     fn pins_cross(&self, plan: &Plan<'_>) -> bool {
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
         let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
-        KnownCrossings::kinematics_cross(&self.surface, &x)
+        KnownCrossings::kinematics_cross(self.posed(&x))
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to
@@ -160,7 +164,7 @@ impl HostContact {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
         self.crossings.are_all = self.crossings.are_all && !self.kinematics_cross(plan);
         let moved = match !self.crossings.are_all && is_new {
-            true => KnownCrossings::part_touches(&self.surface, &x),
+            true => KnownCrossings::part_touches(self.posed(&x)),
             false => Vec::new(),
         };
         moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
@@ -173,7 +177,7 @@ impl HostContact {
     /// are known have changed.
     fn search(&mut self, x: &[Vec4]) -> bool {
         let pinched = std::mem::take(&mut self.pinched);
-        self.crossings.search(&self.surface, x, &pinched)
+        self.crossings.search(Posed { surface: &self.surface, x, is_shared: true }, &pinched)
     }
 
     /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, the vertices that drifted, and whether these `are_all`.

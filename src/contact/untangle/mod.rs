@@ -77,7 +77,7 @@ impl Tangle {
     fn crossings(&self) -> Result<Vec<[u32; 2]>, usize> {
         let is_cloth = |vertex: u32| (vertex as usize) < self.cloth_vertices;
         let Tangle { edges, triangles, x, cloth_vertices, thickness, .. } = self;
-        let features = Features { edges, triangles, x, cloth_vertices: *cloth_vertices, thickness: *thickness };
+        let features = Features { edges, triangles, x, cloth_vertices: *cloth_vertices, thickness: *thickness, is_shared: true };
         features.crossings(|a, b| is_cloth(a) || is_cloth(b))
     }
 
