@@ -44,7 +44,7 @@ struct Ring {
 
 struct Spin {
     omega: vec3f,
-    planar: bool,
+    in_line: bool,
 }
 
 // Adds the neighbor at offset `d`, which changes at `rate`, with its coefficient in the row.
@@ -62,7 +62,7 @@ fn bend_moment(ring: Ring, stiffness: f32, damping: f32) -> Moment {
         return Moment(ring.y * stiffness, vec3f());
     }
     let turn = unspin(ring.inertia, ring.products, ring.spin);
-    if !turn.planar {
+    if turn.in_line {
         let growth = dot(ring.y, ring.y_rate) / max(dot(ring.y, ring.y), 1e-30);
         return Moment(ring.y * (stiffness + damping * growth), vec3f());
     }
@@ -92,12 +92,12 @@ fn unspin(inertia: vec3f, products: vec3f, spin: vec3f) -> Spin {
     let corners = vec3f(q.y * q.z - q.x * i.z, q.x * q.z - q.y * i.y, q.x * q.y - q.z * i.x);
     let determinant = i.x * diagonal.x + q.x * corners.x + q.y * corners.y;
     if determinant < 1e-4 {
-        return Spin(vec3f(), false);
+        return Spin(vec3f(), true);
     }
     let omega = vec3f(
         diagonal.x * spin.x + corners.x * spin.y + corners.y * spin.z,
         corners.x * spin.x + diagonal.y * spin.y + corners.z * spin.z,
         corners.y * spin.x + corners.z * spin.y + diagonal.z * spin.z,
     );
-    return Spin(omega * (scale / determinant), true);
+    return Spin(omega * (scale / determinant), false);
 }

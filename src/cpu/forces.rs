@@ -174,7 +174,7 @@ impl Forces<'_> {
         let (x, u) = (self.x.within(task), self.u.within(task));
         // Each force is summed and then added separately, in the order of the GPU's stages, so that fewer roundings
         // differ between the two engines.
-        let around = self.plan.wind.then(|| (&self.plan.cloth.panels().around, self.on_panels.within(task)));
+        let around = self.plan.air.then(|| (&self.plan.cloth.panels().around, self.on_panels.within(task)));
         let springs = (self.plan.method == Method::Springs).then(|| self.plan.cloth.springs());
         for i in tile {
             let from = x.get(i as usize);

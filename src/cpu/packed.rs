@@ -79,7 +79,7 @@ impl Packed {
             exchanged,
             bending: plan.bending && !exchanged,
             passes: if exchanged { 0 } else { coefficients.bending.passes.len() },
-            wind: plan.wind && !exchanged,
+            wind: plan.air && !exchanged,
             springs: plan.method == Method::Springs && !exchanged,
             pins: !plan.pins.is_empty(),
             levels,

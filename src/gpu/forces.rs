@@ -101,12 +101,12 @@ impl Forces {
         }
         if plan.bending {
             // Wind and pins that follow targets move vertices after bending.
-            let last = !plan.wind && plan.pins.is_empty();
+            let last = !plan.air && plan.pins.is_empty();
             let level = plan.levels.first().zip(averages).filter(|_| last && plan.params.levels > 0);
             let bound = BendingInputs { states, u, uniforms, pins, level };
             self.bending.get_or_insert_with(|| Bending::new(gpu, plan)).prepare(gpu, plan, bound, *bend_in_tiles);
         }
-        if plan.wind {
+        if plan.air {
             self.wind.get_or_insert_with(|| {
                 let triangles = plan.cloth.panels();
                 let panels = gpu.filled("panels", &triangles.panels);
@@ -152,7 +152,7 @@ impl Forces {
             None => self.predict.dispatch(pass, from, &[], vertices + plan.pins.len()),
             Some(bending) => bending.encode(pass, plan, from),
         }
-        if let Some(wind) = self.wind.as_ref().filter(|_| plan.wind) {
+        if let Some(wind) = self.wind.as_ref().filter(|_| plan.air) {
             wind.dispatch(pass, from, &[], vertices);
         }
         if let Some(springs) = self.springs.as_ref().filter(|_| plan.method == Method::Springs) {

@@ -41,7 +41,7 @@ impl Payload {
     /// What the forces of `plan` need. `shifts` tells whether positions may change by more than the displacements that
     /// are sent.
     pub(crate) fn needed(plan: &Plan<'_>, shifts: bool) -> Payload {
-        match (plan.wind || plan.bending && plan.damped(), shifts) {
+        match (plan.air || plan.bending && plan.damped(), shifts) {
             (false, _) => Payload::Positions,
             (true, true) => Payload::Both,
             (true, false) => Payload::Displacements,

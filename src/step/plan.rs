@@ -80,9 +80,9 @@ pub(crate) struct Plan<'a> {
     /// Where the step starts for all pins (m, in local coordinates), in the order of [`Cloth::pinned`].
     pub pins_from: &'a [Vec3],
     pub method: Method,
-    /// The force terms of the scene. Springs are given by `method`.
+    /// The force terms of the scene; air resists also where no wind blows. Springs are given by `method`.
     pub bending: bool,
-    pub wind: bool,
+    pub air: bool,
     /// The gauges by which the cloth's strain is measured after the step, if statistics are asked for.
     pub gauges: Option<&'a [StrainGauge]>,
     /// Contact of the cloth with itself, if it is enabled.
@@ -223,7 +223,7 @@ impl<'a> Plan<'a> {
             pins_from: &motion.pins,
             method: options.method,
             bending: inputs.bends(),
-            wind: inputs.attributes.air_density > 0.0,
+            air: inputs.attributes.air_density > 0.0,
             gauges: None,
             contact: options.contact.filter(|_| inputs.cloth.is_sheet),
             alone: false,
@@ -243,7 +243,7 @@ impl<'a> Plan<'a> {
     /// Whether forces act that differ from vertex to vertex. A new kind of force must be added here.
     #[cfg(feature = "gpu")]
     pub(crate) fn has_forces(&self) -> bool {
-        self.bending || self.wind || self.method == Method::Springs
+        self.bending || self.air || self.method == Method::Springs
     }
 
     /// Whether coarse edges also push (`distance::hold_coarse`).

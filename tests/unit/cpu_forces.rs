@@ -80,7 +80,7 @@ fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
             free.for_each(|(force, kick)| *force -= to_force(kick));
         }
     }
-    if plan.wind {
+    if plan.air {
         for panel in &cloth.panels().panels {
             let [a, b, c] = panel.corners.map(|v| v as usize);
             let v = (u[a] + u[b] + u[c]) * (substep.rate / 3.0) - Vec3A::from(params.wind);
@@ -107,7 +107,7 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
     });
     let mut arrays = ForceArrays::default();
     let tiles = [0..400, 400..count as u32];
-    arrays.pack(plan, [plan.bending, plan.wind], &tiles, width);
+    arrays.pack(plan, [plan.bending, plan.air], &tiles, width);
     let (shared_x, shared_u) = (SharedArray::new(x.room()), SharedArray::new(u.room()));
     let forces = arrays.share(plan, &shared_x, &shared_u, width);
     let (task, substep): (Task, &Substep) = (Task::alone(), &plan.substeps[0]);
@@ -128,7 +128,7 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
         let integrator = Integrator { plan, x: &shared_x, u: &shared_u, good, found, width };
         each_tile(&|tile| integrator.fall(&task, tile, substep));
     }
-    if plan.wind {
+    if plan.air {
         each_tile(&|tile| forces.add_wind_and_springs(&task, tile, substep));
     }
     u.to_vec()
@@ -136,7 +136,7 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
 
 /// The number of chunks of triangles.
 fn arrays_of(plan: &Plan<'_>) -> usize {
-    if plan.wind { plan.cloth.panels().panels.len().div_ceil(GRAIN) } else { 0 }
+    if plan.air { plan.cloth.panels().panels.len().div_ceil(GRAIN) } else { 0 }
 }
 
 /// At every SIMD width the stages agree with the oracle to rounding, on meshes with and without contiguous rows, with

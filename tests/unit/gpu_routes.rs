@@ -300,13 +300,13 @@ fn each_of_a_crowd_is_one_dispatch() {
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
     assert!(GpuEngine::step_all(&mut jobs).is_empty());
     for (_, engine, plan) in jobs {
-        assert_eq!(engine.dispatches(), 1, "bending {}, wind {}", plan.bending, plan.wind);
+        assert_eq!(engine.dispatches(), 1, "bending {}, wind {}", plan.bending, plan.air);
         let mut cpu = Cpu::new(plan.cloth);
         cpu.step(&plan, None).unwrap();
         let mut seen = Vec::new();
         engine.read(|x, _| seen = x.to_vec()).unwrap();
         let (dx, moved) = (apart(&cpu.x, &seen), apart(&cpu.x, &plan.cloth.rest));
-        assert!(moved > 1e-3 && dx <= 1e-4 * moved, "bending {}, wind {}: {dx:e} m apart of {moved}", plan.bending, plan.wind);
+        assert!(moved > 1e-3 && dx <= 1e-4 * moved, "bending {}, wind {}: {dx:e} m apart of {moved}", plan.bending, plan.air);
     }
 }
 

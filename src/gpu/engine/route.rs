@@ -51,7 +51,7 @@ impl GpuEngine {
     pub(super) fn make_single_workgroup(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
         let [bends, blows] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
-        let wanted = [bends || plan.bending, blows || plan.wind];
+        let wanted = [bends || plan.bending, blows || plan.air];
         let has_levels = |single: &SingleWorkgroup| plan.levels.is_empty() || single.has_levels();
         let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, blows]);
         if !there && plan.method != Method::Springs {
@@ -65,7 +65,7 @@ impl GpuEngine {
     /// together with it, so both need a prediction by a stage of its own.
     pub(super) fn may_bend_in_tiles(plan: &Plan<'_>) -> bool {
         let once = plan.coefficients.bending.passes.len() <= 1 && plan.params.levels == 0;
-        plan.bending && once && !plan.wind && plan.cloth.rest.len() <= BENT_IN_TILES
+        plan.bending && once && !plan.air && plan.cloth.rest.len() <= BENT_IN_TILES
     }
 
     /// Prepares the tiles for steps with bending in a single pass.
@@ -116,7 +116,7 @@ impl GpuEngine {
 
     /// Whether a single workgroup is the fastest route for the step of a cloth alone, or of one in a crowd.
     pub(super) fn may_be_small(&self, plan: &Plan<'_>, crowd: bool) -> bool {
-        (crowd || self.small) && (self.joins_forces || !(plan.bending || plan.wind))
+        (crowd || self.small) && (self.joins_forces || !(plan.bending || plan.air))
     }
 
     pub(super) fn route(&self, plan: &Plan<'_>, crowd: bool) -> Route {
@@ -125,7 +125,7 @@ impl GpuEngine {
         let passes = if plan.bending { plan.coefficients.bending.passes_or_one().len() as u32 } else { 0 };
         // There and back in shells and tubes.
         let ways = 1 + u32::from(plan.cloth.sweeps_back);
-        let sweeps = ways * plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.wind);
+        let sweeps = ways * plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.air);
         let lasts = plan.params.substeps.saturating_mul(sweeps);
         let pays = (crowd || plan.cloth.rest.len() <= SMALL) && self.may_be_small(plan, crowd);
         match (&self.sweep, &self.single_workgroup) {

@@ -131,7 +131,7 @@ impl SingleWorkgroup {
     pub(crate) fn does(&self, plan: &Plan<'_>) -> bool {
         let has_levels = plan.params.levels == 0 || self.has_levels();
         let [bends, blows] = self.forces();
-        has_levels && (bends || !plan.bending) && (blows || !plan.wind) && plan.method != Method::Springs
+        has_levels && (bends || !plan.bending) && (blows || !plan.air) && plan.method != Method::Springs
     }
 
     /// Encodes the dispatch of a step.
