@@ -92,22 +92,28 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
         let apart: DVec3 = corners.iter().zip(weights).map(|(&vertex, weight)| at(vertex) * weight).sum();
         (apart.length() < reach).then(|| Pair { corners, weights, normal: apart.normalize_or_zero() })
     };
-    let mut pairs = overlaps(&of_vertices, &of_triangles, &mut room, features.is_shared, |vertex, triangle| {
+    let of_vertex = |vertex: usize, triangle: usize| {
         let (vertex, [a, b, c]) = (vertices[vertex], triangles[triangle]);
         if !may_collide(vertex, a) || [a, b, c].contains(&vertex) {
             return None;
         }
         let [of_a, of_b, of_c] = nearest(at(vertex), [a, b, c].map(at));
         pair([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c])
-    });
-    pairs.extend(overlaps(&of_edges, &of_edges, &mut room, features.is_shared, |one, other| {
+    };
+    let of_two_edges = |one: usize, other: usize| {
         let ([a, b], [c, d]) = (edges[one], edges[other]);
         if one >= other || !may_collide(a, c) || a == c || a == d || b == c || b == d {
             return None;
         }
         let [s, t] = closest([at(a), at(b)], [at(c), at(d)]);
         pair([a, b, c, d], [1.0 - s, s, t - 1.0, -t])
-    }));
+    };
+    let mut search = |one: &[Span], other: &[Span], pair: &(dyn Fn(usize, usize) -> Option<Pair> + Sync)| {
+        let found = overlaps(one, other, &mut room, features.is_shared, &|a, b| pair(a, b).is_some());
+        found.into_iter().filter_map(|[a, b]| pair(a as usize, b as usize)).collect::<Vec<Pair>>()
+    };
+    let mut pairs = search(&of_vertices, &of_triangles, &of_vertex);
+    pairs.extend(search(&of_edges, &of_edges, &of_two_edges));
     pairs.sort_unstable_by_key(|pair| pair.corners);
     if room > 0 { pairs } else { Vec::new() }
 }

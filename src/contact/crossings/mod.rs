@@ -55,9 +55,9 @@ impl Features<'_> {
         let (at, touching) = (|vertex: u32| self.x[vertex as usize].truncate().as_dvec3(), self.touching());
         let of_edges: Vec<_> = self.edges.iter().map(|ends| box_around(&ends.map(at), touching)).collect();
         let of_triangles: Vec<_> = self.triangles.iter().map(|corners| box_around(&corners.map(at), touching)).collect();
-        let close = overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, self.is_shared, |edge, triangle| {
+        let close = overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, self.is_shared, &|edge, triangle| {
             let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
-            (may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end))).then_some(())
+            may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end))
         });
         !close.is_empty()
     }
@@ -105,10 +105,10 @@ pub(crate) fn pierced(
     let at = |vertex: u32| x[vertex as usize];
     let of_edges: Vec<_> = edges.iter().map(|ends| box_around(&ends.map(at), 0.0)).collect();
     let of_triangles: Vec<_> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
-    let mut found = overlaps(&of_edges, &of_triangles, room, is_shared, |edge, triangle| {
+    let mut found = overlaps(&of_edges, &of_triangles, room, is_shared, &|edge, triangle| {
         let (ends, corners) = (edges[edge], triangles[triangle]);
         let may_cross = may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
-        (may_cross && goes_through(ends.map(at), corners.map(at))).then_some([edge as u32, triangle as u32])
+        may_cross && goes_through(ends.map(at), corners.map(at))
     });
     found.sort_unstable();
     found

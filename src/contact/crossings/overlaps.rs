@@ -28,36 +28,36 @@ pub(crate) fn overlap(a: &Span, b: &Span) -> bool {
     a[0].cmple(b[1]).all() && a[1].cmpge(b[0]).all()
 }
 
-/// What `visit` returns for each pair of a box of one list and a box of the other that overlap, in no particular order. Ends when
-/// `room` for such pairs is used up; it is 0 then, and what is returned has no meaning. If it `is_shared`, the pool's threads help;
-/// while this one waits for them, it may do other work of the pool.
-pub(crate) fn overlaps<T: Send>(
+/// The pairs of a box of one list and a box of the other that overlap and pass a `test`, as indices in no particular order. Ends when
+/// `room` for overlapping pairs is used up; it is 0 then, and what is returned has no meaning. If it `is_shared`, the pool's threads
+/// help; while this one waits for them, it may do other work of the pool.
+pub(crate) fn overlaps(
     one: &[Span],
     other: &[Span],
     room: &mut usize,
     is_shared: bool,
-    visit: impl Fn(usize, usize) -> Option<T> + Sync,
-) -> Vec<T> {
+    test: &(dyn Fn(usize, usize) -> bool + Sync),
+) -> Vec<[u32; 2]> {
     let all = [one, other].map(|boxes| (0..boxes.len() as u32).collect());
-    let most_alone = if is_shared && HAS_THREADS { MANY } else { u64::MAX };
-    let search = Search { boxes: [one, other], room: *room, used: AtomicUsize::new(0), most_alone, visit };
+    let most_alone = if is_shared { MANY } else { u64::MAX };
+    let search = Search { boxes: [one, other], room: *room, used: AtomicUsize::new(0), most_alone, test };
     let found = search.within(&all, [DVec3::NEG_INFINITY, DVec3::INFINITY]);
     *room = room.saturating_sub(search.used.into_inner());
     found
 }
 
-struct Search<'a, V> {
+struct Search<'a> {
     boxes: [&'a [Span]; 2],
     room: usize,
     used: AtomicUsize,
     /// More pairs are divided among threads.
     most_alone: u64,
-    visit: V,
+    test: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
 
-impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
+impl Search<'_> {
     /// Searches among the boxes of both lists that reach into a cell. A cell includes its lower borders only.
-    fn within(&self, both: &[Vec<u32>; 2], cell: Span) -> Vec<T> {
+    fn within(&self, both: &[Vec<u32>; 2], cell: Span) -> Vec<[u32; 2]> {
         let count = |both: &[Vec<u32>; 2]| both[0].len() as u64 * both[1].len() as u64;
         if count(both) > FEW {
             let (axis, middle) = self.cut(both, cell);
@@ -75,7 +75,7 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
     }
 
     /// Compares each box of one list with each of the other.
-    fn compare(&self, ones: &[u32], others: &[u32], cell: Span) -> Vec<T> {
+    fn compare(&self, ones: &[u32], others: &[u32], cell: Span) -> Vec<[u32; 2]> {
         let count = ones.len() as u64 * others.len() as u64;
         if count > self.most_alone && ones.len() > 1 {
             let (first, last) = ones.split_at(ones.len() / 2);
@@ -90,7 +90,9 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
                 let corner = one[0].max(other[0]);
                 if overlap(one, other) && corner.cmpge(cell[0]).all() && corner.cmplt(cell[1]).all() {
                     used += 1;
-                    found.extend((self.visit)(a as usize, b as usize));
+                    if (self.test)(a as usize, b as usize) {
+                        found.push([a, b]);
+                    }
                 }
             }
             if used > 0 && self.used.fetch_add(used, Ordering::Relaxed) + used >= self.room {
@@ -101,8 +103,13 @@ impl<T: Send, V: Fn(usize, usize) -> Option<T> + Sync> Search<'_, V> {
     }
 
     /// What two searches find among so many pairs.
-    fn together(&self, count: u64, one: impl FnOnce() -> Vec<T> + Send, other: impl FnOnce() -> Vec<T> + Send) -> Vec<T> {
-        let (mut found, more) = if count > self.most_alone { rayon::join(one, other) } else { (one(), other()) };
+    fn together(
+        &self,
+        count: u64,
+        one: impl FnOnce() -> Vec<[u32; 2]> + Send,
+        other: impl FnOnce() -> Vec<[u32; 2]> + Send,
+    ) -> Vec<[u32; 2]> {
+        let (mut found, more) = if HAS_THREADS && count > self.most_alone { rayon::join(one, other) } else { (one(), other()) };
         found.extend(more);
         found
     }
