@@ -17,15 +17,15 @@ pub(crate) struct Commit {
     pub found: wgpu::Buffer,
     /// Made by the first step that needs it, since the last substep of tiles checks the result itself.
     check: Option<Stage>,
-    commit: Stage,
+    finish: Stage,
 }
 
 impl Commit {
     pub(crate) fn new(gpu: &Gpu, forces: &Forces) -> Commit {
         let found = gpu.buffer("found", size_of::<Defects>() as u64);
         let StateBuffers { x, p } = &forces.states[0];
-        let commit = stage(gpu, forces, "commit", [Bind::Write(x), Bind::Write(p), Bind::Write(&found), Bind::Unused]);
-        Commit { found, check: None, commit }
+        let finish = stage(gpu, forces, "commit", [Bind::Write(x), Bind::Write(p), Bind::Write(&found), Bind::Unused]);
+        Commit { found, check: None, finish }
     }
 
     /// Prepares for a step whose last substep does not check its result.
@@ -51,7 +51,7 @@ impl Commit {
             let edges = cloth.swept().len().div_ceil(TURNS).max(FEWEST_CHECKED);
             check.dispatch(pass, made - 1, &[], vertices.max(edges));
         }
-        self.commit.dispatch(pass, made - 1, &[], vertices);
+        self.finish.dispatch(pass, made - 1, &[], vertices);
     }
 }
 
