@@ -727,7 +727,7 @@ fn a_squeezed_garment_slides_on_its_body(backend: Backend) {
         }
         sum / (frames - 27) as f32
     };
-    let wider = if backend == Backend::Cpu { 8 } else { 0 };
+    let wider = coarser(backend, 8, 0).into();
     for (room, most, starts) in [(0.001, 0.06, 1_u64), (0.002, 0.035, wider)] {
         let stretches: Vec<f32> = (0..starts).map(|start| stretch(room, start)).collect();
         let mean = stretches.iter().sum::<f32>() / starts.max(1) as f32;

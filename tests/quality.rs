@@ -559,11 +559,11 @@ fn cloth_without_pins_rides_along() {
     // together.
     let hit = |velocity: Vec3| (0..16).map(|k| ride(velocity, None, Some(0.08 + 0.0025 * k as f32)).0).sum::<u32>();
     let still = hit(Vec3::ZERO);
-    for velocity in [32.0 * Vec3::X, -32.0 * Vec3::X] {
-        let riding = hit(velocity);
-        println!("hit by a ball: {still} substeps, and {riding} at {velocity} m/s");
-        assert!((0.87..1.13).contains(&(f64::from(riding) / f64::from(still))), "{riding} of {still} at {velocity} m/s");
-    }
+    // Driving the way that the ball flies takes some more (1.06 to 1.11 with any number of lanes): where the cloth may be includes its way.
+    let riding = [32.0 * Vec3::X, -32.0 * Vec3::X].map(hit);
+    println!("hit by a ball: {still} substeps, and {riding:?} on the road");
+    let ratio = f64::from(riding[0] + riding[1]) / f64::from(2 * still);
+    assert!((0.97..1.13).contains(&ratio), "{riding:?} of {still}");
 }
 
 /// Cloth that is caught in flight takes the substeps that its speed demands, in that step already.
