@@ -115,6 +115,33 @@ fn a_fast_body_elsewhere_is_no_matter(backend: Backend) {
     }
 }
 
+/// What contact cannot follow is known before the step: a plate that rises, whose corners are all far from the cloth, and a wall that
+/// pins are led to. Farther away neither matters.
+#[test]
+fn what_outruns_contact_is_foreseen() {
+    let mesh = Mesh::grid(9, 9, 0.5, 0.5);
+    let options = Options { pinned: vec![0, 8], ..options(Backend::Cpu, 10, true) };
+    let foreseen = |before: Arc<Mesh>, after: Arc<Mesh>, pins_by: Vec3| {
+        let mut cloth = Deformer::new(&mesh, options.clone()).unwrap();
+        cloth.place_colliders(&[Collider::mesh(before)]).unwrap();
+        let pin_targets = Some([0, 8].map(|pin: usize| mesh.positions[pin] + pins_by).to_vec());
+        let warnings = cloth.forecast(FRAME, &Attributes { pin_targets, ..with(vec![Collider::mesh(after)]) }).unwrap().warnings;
+        warnings.iter().find_map(|warning| match warning {
+            Warning::ContactOutruns { speed, .. } => Some(*speed),
+            _ => None,
+        })
+    };
+    let way = 10.0 * FRAME;
+    for (distance, expected) in [(0.3, Some(5.0)), (100.0, None)] {
+        let plate = |height: f32| moved(&Mesh::grid(2, 2, 20.0, 20.0), |x| x + height * Vec3::Y);
+        let speed = foreseen(plate(-distance), plate(way - distance), Vec3::ZERO);
+        assert_eq!(speed.map(|speed| (speed * 1e3).round() / 1e3), expected, "a plate {distance} m below");
+        let wall = moved(&Mesh::grid(20, 20, 2.0, 2.0), |x| Vec3::new(0.25 + distance / 3.0, x.x, x.z));
+        let speed = foreseen(Arc::clone(&wall), wall, way * Vec3::X);
+        assert_eq!(speed.map(|speed| (speed * 1e3).round() / 1e3), expected, "a wall {distance} m ahead");
+    }
+}
+
 /// A ground of two triangles may be 20,000 thicknesses wide: cloth sticks to it or slides on it as on two of 2 m. Over that width,
 /// rounding of positions tilts the vector between the closest points by more than the thickness.
 fn a_large_triangle_holds_like_small_ones(backend: Backend) {

@@ -126,6 +126,26 @@ pub(crate) fn bounds<V: Borrow<Vec3>>(points: impl IntoIterator<Item = V>) -> [V
     points.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
+/// The box that a point covers on its way from `from` along `by` (m), enlarged on all sides.
+pub(crate) fn around([from, by]: [Vec3; 2], enlargement: Vec3) -> [Vec3; 2] {
+    [from.min(from + by) - enlargement, from.max(from + by) + enlargement]
+}
+
+/// Whether each vertex belongs to a triangle that may come within some bounds, given the boxes that the vertices are in. A triangle may
+/// be larger than what is within the bounds, and have all its corners elsewhere.
+pub(crate) fn near_vertices(triangles: &[[u32; 3]], boxes: impl Iterator<Item = [Vec3; 2]>, [low, high]: [Vec3; 2]) -> Vec<bool> {
+    const IS_NEAR: u32 = 1 << 6;
+    // The sides of the bounds that each vertex is beyond, one bit each. All corners of what is away are beyond one of them.
+    let beyond = |[least, most]: [Vec3; 2]| least.cmpgt(high).bitmask() << 3 | most.cmplt(low).bitmask();
+    let mut vertices: Vec<u32> = boxes.map(beyond).collect();
+    for corners in triangles.iter().map(|corners| corners.map(|vertex| vertex as usize)) {
+        if corners.iter().fold(!IS_NEAR, |all, &vertex| all & vertices[vertex]) == 0 {
+            corners.iter().for_each(|&vertex| vertices[vertex] |= IS_NEAR);
+        }
+    }
+    vertices.into_iter().map(|sides| sides & IS_NEAR != 0).collect()
+}
+
 /// The triangles at each of the edges, which are those of `index`.
 pub(crate) fn triangles_at(edges: &[[u32; 2]], triangles: &[[u32; 3]], index: &EdgeIndex) -> Csr<u32> {
     let sides = (0..).zip(triangles).flat_map(|(triangle, &corners)| sides(corners).map(move |side| (side, triangle)));

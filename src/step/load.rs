@@ -7,7 +7,7 @@ use glam::{DVec3, Mat3, Vec3};
 use crate::attributes::{Attributes, Collider, Shape};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
-use crate::model::mesh::bounds;
+use crate::model::mesh::{around, bounds, near_vertices};
 use crate::options::Cause;
 use crate::record::recorded;
 use crate::step::motion::{Motion, Place};
@@ -69,9 +69,8 @@ impl Fastest {
         let common = motion.last_drift(cloth).as_dvec3();
         let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
         let common = if goes_along { common } else { DVec3::ZERO };
-        let way = motion.course_of_free(cloth) * (age + dt as f32);
-        let place = motion.place(seen).map(|place| place.along(way));
-        let mut fastest = Fastest { drift, place, ..Fastest::default() };
+        let mut place = motion.place(seen).map(|place| place.along(motion.last_drift(cloth) * age + drift));
+        let mut fastest = Fastest { drift, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {
                 *than = (index, speed);
@@ -82,7 +81,10 @@ impl Fastest {
             let velocity = ((*to - cloth.origin).as_dvec3() - from.as_dvec3()) / dt;
             fastest.any_pin = fastest.any_pin.max(velocity.length());
             faster(&mut fastest.pin, index, velocity.distance(common));
+            let relative = (velocity - (drift / dt as f32).as_dvec3()).length() as f32;
+            place.iter_mut().for_each(|place| place.fastest = place.fastest.max(relative));
         }
+        fastest.place = place;
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let way = travel(&now.shape, &last.shape, Vec3::ZERO);
             fastest.any_collider = fastest.any_collider.max(way / dt);
@@ -229,42 +231,34 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, place: Opti
 }
 
 /// Half the range of the velocities (m/s) of pins and of mesh colliders near the cloth: their largest distance from the
-/// midpoint of the range. A common motion of all of them does not count.
-fn kinematic_speed<'a>(
+/// midpoint of the range. A common motion of all of them does not count, and of a moving character only the parts that come near
+/// the cloth do.
+fn kinematic_speed(
     cloth: &Cloth,
-    motion: &'a Motion,
-    attributes: &'a Attributes,
+    motion: &Motion,
+    attributes: &Attributes,
     [dt, thickness]: [f32; 2],
     place: Option<Place>,
 ) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
+    let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| cloth.is_used(**pin));
+    let pins = pins.map(|(_, (&to, &from))| to - cloth.origin - from).chain(held);
     let course = motion.course_of_free(cloth) * dt;
-    let mesh = |(now, last): (&'a Collider, &'a Collider)| match (&now.shape, &last.shape) {
-        (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) => {
-            let near = place.map(|Place { low, high, fastest }| {
-                let reach = STEPS_AHEAD as f32 * fastest * dt + 2.0 * thickness;
-                [low + cloth.origin - reach, high + cloth.origin + reach]
-            });
-            // Of a moving character, only the parts that come near the cloth count.
-            let comes_near = move |&(to, from): &(&Vec3, &Vec3)| {
-                near.is_none_or(|[low, high]| {
-                    let by = STEPS_AHEAD as f32 * (*to - *from - course).abs();
-                    (from.min(*to) - by).cmple(high).all() && (from.max(*to) + by).cmpge(low).all()
-                })
-            };
-            let relative = travel(&now.shape, &last.shape, course);
-            let may_touch = is_near(cloth, now, relative + f64::from(thickness), f64::from(dt), place);
-            may_touch.then(|| to.positions.iter().zip(&from.positions).filter(comes_near))
+    let near = place.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |Place { low, high, fastest }| {
+        let reach = STEPS_AHEAD as f32 * fastest * dt + 2.0 * thickness;
+        [low + cloth.origin - reach, high + cloth.origin + reach]
+    });
+    let mut of_meshes = Vec::new();
+    for (now, last) in motion.followed(&attributes.colliders) {
+        if let (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) = (&now.shape, &last.shape) {
+            let moves = || from.positions.iter().zip(&to.positions).map(|(&from, &to)| [from, to - from]);
+            let enlargement = |by: Vec3| STEPS_AHEAD as f32 * (by - course).abs();
+            let is_near = near_vertices(&to.triangles, moves().map(|[from, by]| around([from, by], enlargement(by))), near);
+            of_meshes.extend(moves().zip(is_near).filter(|(_, is_near)| *is_near).map(|([_, by], _)| by));
         }
-        _ => None,
-    };
-    let moves = || {
-        let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| cloth.is_used(**pin));
-        let pins = pins.map(|(_, (&to, &from))| to - cloth.origin - from);
-        let meshes = motion.followed(&attributes.colliders).filter_map(mesh).flatten();
-        pins.chain(held).chain(meshes.map(|(&to, &from)| to - from))
-    };
+    }
+    let moves = || pins.clone().chain(of_meshes.iter().copied());
     let [low, high] = bounds(moves());
     let middle = 0.5 * (low + high);
     f64::from(moves().map(|by| by.distance(middle)).fold(0.0, f32::max)) / f64::from(dt)
@@ -303,8 +297,8 @@ pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3) -> f64 {
             apart(center, c0).length() + (half.as_dvec3() - h0.as_dvec3()).length() + turned * half.max(h0).as_dvec3().length()
         }
         (Shape::Mesh { mesh }, Shape::Mesh { mesh: last }) => {
-            let moves = mesh.positions.iter().zip(&last.positions).map(|(&to, &from)| apart(to, from).length_squared());
-            if Arc::ptr_eq(mesh, last) { by.as_dvec3().length() } else { moves.fold(0.0, f64::max).sqrt() }
+            let moves = mesh.positions.iter().zip(&last.positions).map(|(&to, &from)| (to - from - by).length_squared());
+            f64::from(if Arc::ptr_eq(mesh, last) { by.length() } else { moves.fold(0.0, f32::max).sqrt() })
         }
         _ => 0.0,
     }
@@ -324,7 +318,7 @@ fn gap(shape: &Shape, low: Vec3, high: Vec3) -> f32 {
             between((a - radius_a).min(b - radius_b), (a + radius_a).max(b + radius_b))
         }
         Shape::RoundedBox { center, half, rotation, .. } => {
-            let axes = Mat3::from_quat(rotation.normalize());
+            let axes = Mat3::from_quat(rotation.as_dquat().normalize().as_quat());
             let reach = axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z;
             between(center - reach, center + reach)
         }
