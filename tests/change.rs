@@ -13,6 +13,7 @@ on_every_backend!(
     a_changed_shell_is_one_made_so,
     a_change_to_the_same_changes_nothing,
     pins_that_are_let_go_fall_and_pinned_vertices_stay,
+    pins_that_were_given_a_velocity_keep_it_when_let_go,
     a_vertex_without_edges_that_is_let_go_stays,
     what_was_changed_outlasts_a_reset,
     edges_between_two_pins_are_not_measured,
@@ -171,6 +172,24 @@ fn pins_that_are_let_go_fall_and_pinned_vertices_stay(backend: Backend) {
     cloth.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
     let end = cloth.positions().unwrap();
     assert!(end[3].distance(Vec3::ONE) < 1e-6 && end[0].length() < 1e-6);
+}
+
+/// A state that was set says how fast the pins were led. Held, they stay; let go, they fly on like the rest.
+fn pins_that_were_given_a_velocity_keep_it_when_let_go(backend: Backend) {
+    let mesh = Mesh::grid(4, 4, 0.3, 0.3);
+    let speed = 5.0 * Vec3::X;
+    for is_held in [true, false] {
+        let mut cloth = Deformer::new(&mesh, Options { pinned: vec![0, 1], ..options(backend) }).unwrap();
+        cloth.set_state(&mesh.positions, &[speed; 16]).unwrap();
+        if !is_held {
+            cloth.set_pinned(vec![]).unwrap();
+        }
+        assert_eq!(cloth.velocities().unwrap()[0], speed);
+        cloth.step(FRAME, &Attributes { gravity: Vec3::ZERO, ..Attributes::default() }).unwrap();
+        let by = cloth.positions().unwrap()[0] - mesh.positions[0];
+        let expected = if is_held { Vec3::ZERO } else { speed * FRAME };
+        assert!(by.distance(expected) < 1e-5, "held {is_held}: {by}, not {expected}");
+    }
 }
 
 /// Beside a cloth, a vertex without edges has no motion of its own.

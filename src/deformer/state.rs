@@ -114,11 +114,8 @@ impl Deformer {
     /// Sets the state: local positions (m) in the cloth's order, and velocities (m/s) in the mesh's.
     pub(super) fn place(&mut self, x: &[Vec4], velocities: &[Vec3]) {
         let cloth = &self.cloth;
-        let velocity = |(&vertex, rest): (&u32, &Vec4)| match rest.w > 0.0 {
-            true => velocities[vertex as usize].extend(0.0),
-            false => Vec4::ZERO,
-        };
-        let p: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(velocity).collect();
+        let mut p: Vec<Vec4> = cloth.order.iter().map(|&vertex| velocities[vertex as usize].extend(0.0)).collect();
+        cloth.stop_loose(&mut p);
         self.motion = Motion::placed(cloth, x, &p);
         let led = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
         self.motion.pin_velocities = led.collect();
