@@ -303,7 +303,7 @@ impl Deformer {
         if dt == 0.0 {
             return self.check(attributes).map(|_| None);
         }
-        // The attributes under which a cloth sleeps were valid in the last step, and what it does not do takes no substeps.
+        // The attributes under which a cloth sleeps were valid in the last step, and a step that is slept through needs no substeps.
         if self.sleeps(attributes) {
             return check_time_step(dt).map(|()| None);
         }

@@ -227,7 +227,9 @@ impl Collider {
             &Shape::Sphere { center, radius } => [center, center + radius * Vec3::X],
             &Shape::Plane { point, normal } => [point, point + normal.normalize_or_zero()],
             &Shape::Capsule { a, b, .. } | &Shape::TaperedCapsule { a, b, .. } => [a, b],
-            &Shape::RoundedBox { center, half, rotation, .. } => [center, center + rotation.normalize() * half],
+            &Shape::RoundedBox { center, half, rotation, .. } => {
+                [center, center + rotation.as_dquat().normalize().as_quat() * half]
+            }
             Shape::Mesh { mesh } => [mesh.positions.first(), mesh.positions.last()].map(|x| x.copied().unwrap_or_default()),
         }
     }

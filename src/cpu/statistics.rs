@@ -21,7 +21,7 @@ pub(crate) struct Observed<'a> {
     pub x: &'a [Vec4],
     /// Displacements (m) over the last substep.
     pub u: &'a [Vec4],
-    /// Mean displacement (m) of the pins over the last substep, which speeds are relative to.
+    /// Displacement (m) over the last substep, of the pins or of the course of cloth without any, which speeds are relative to.
     pub drift: Vec3A,
     /// The last substep (s).
     pub h: f32,

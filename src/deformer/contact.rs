@@ -69,7 +69,8 @@ impl Deformer {
             )),
             false => Ok(()),
         };
-        for (slot, (&to, &from)) in attributes.pin_targets.iter().flatten().zip(&motion.pins).enumerate() {
+        let pins = attributes.pin_targets.iter().flatten().zip(&motion.pins).enumerate();
+        for (slot, (&to, &from)) in pins.filter(|(slot, _)| cloth.is_used(cloth.pinned[*slot])) {
             let way = (to - cloth.origin).as_dvec3().distance(from.as_dvec3());
             check(format_args!("pin_targets[{slot}]"), &to, way, "move the whole cloth with Deformer::warp")?;
         }

@@ -36,7 +36,7 @@ impl Deformer {
             |seen: &Statistics| travels || seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
         let Stillness { attributes: last, time } = &mut self.still;
         *time = match last == attributes {
-            true if seen.is_none_or(moves) => 0.0,
+            true if seen.is_none_or(moves) => time.min(0.0),
             true => *time + dt,
             false => 0.0 - late,
         };

@@ -327,9 +327,8 @@ impl GpuEngine {
     fn prepare_counter(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, counter, counts, .. } = self;
         *counts = plan.gauges.is_some();
-        match plan.gauges {
-            Some(gauges) => counter.get_or_insert_with(|| Counter::new(gpu, forces, gauges)).clear(gpu),
-            None => counter.iter_mut().for_each(Counter::forget),
+        if let Some(gauges) = plan.gauges {
+            counter.get_or_insert_with(|| Counter::new(gpu, forces, gauges)).clear(gpu);
         }
     }
 }

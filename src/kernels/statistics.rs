@@ -126,10 +126,17 @@ impl Statistics {
         self.mean_stretch as f32 / ONE
     }
 
-    /// Root mean square of the speeds (m/s), correct as long as none is above [`SLOW`].
+    /// Root mean square of the speeds (m/s). Those in classes above [`SLOW`] count as the upper ends of their classes, so that cloth of
+    /// which a part moves does not seem to be at rest.
     pub(crate) fn rms_speed(&self) -> f32 {
         let counted: u32 = self.speed.iter().sum();
-        SLOW * (self.slow as f32 / SLOW_PARTS / counted.max(1) as f32).sqrt()
+        let fastest = f32::from_bits(self.fastest);
+        let fast = (class_of(SLOW, MIN_SPEED) + 1..CLASSES).map(|class| {
+            let most = if class + 1 < CLASSES { begin(class + 1, MIN_SPEED).min(fastest) } else { fastest };
+            self.speed[class] as f32 * (most * most - SLOW * SLOW)
+        });
+        let slow = SLOW * SLOW * self.slow as f32 / SLOW_PARTS;
+        ((slow + fast.sum::<f32>()) / counted.max(1) as f32).sqrt()
     }
 }
 

@@ -117,7 +117,7 @@ pub enum Warning {
         /// The worst of them, as indices of the mesh.
         worst: [u32; 2],
     },
-    /// A pin moves farther in a substep than an edge is long, which is as far as one sweep carries its motion. While it
+    /// A pin moves farther in a sweep than an edge is long, which is as far as a sweep carries its motion. While it
     /// does so, the edges at it stretch to more than twice their length. Move it more slowly or take more substeps; for
     /// a jump use [`Deformer::warp`](crate::Deformer::warp) or [`Deformer::set_state`](crate::Deformer::set_state).
     PinOutruns {
@@ -125,7 +125,8 @@ pub enum Warning {
         pin: usize,
         /// Its speed (m/s), relative to the mean of the pins in the last step if the cloth goes along with that.
         speed: f32,
-        /// The highest speed (m/s) that the substeps can carry: one edge length per substep.
+        /// The highest speed (m/s) that the substeps can carry: one edge length per sweep, of which
+        /// [`Method::Relaxation`](crate::Method::Relaxation) makes several in a substep.
         carried: f32,
     },
     /// A collider near the cloth moves farther in a substep than an edge is long. It does not tunnel, but cloth that it hits is

@@ -236,8 +236,8 @@ impl Controller {
         if cloth.stretch * stretch > stress { rates.resolving(stress / stretch) } else { 0.0 }
     }
 
-    /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s), `with_most`
-    /// substeps or fewer, and returns it. It is known where more than the stretch aimed at remains with most. It is forgotten
+    /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s), and returns it.
+    /// It is known after a step `with_most` substeps, or more, that left more than the stretch aimed at. It is forgotten
     /// after [`RENEWED`], and where less than it is measured by half of that aim: what was held may be slack by now, and what is
     /// measured the shortage of substeps.
     pub(crate) fn own_of(&mut self, measured: f64, with_most: bool, aim: f64, dt: f32) -> f64 {

@@ -1,5 +1,6 @@
 //! The loads on a cloth during a step, as far as they stretch it.
 
+use std::mem::discriminant;
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
@@ -181,7 +182,8 @@ fn still_pressure(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f
     if still == 0.0 {
         return still;
     }
-    let near = motion.followed(&attributes.colliders).filter(|(now, last)| {
+    let is_same_kind = |(now, last): &(&Collider, &Collider)| discriminant(&now.shape) == discriminant(&last.shape);
+    let near = motion.followed(&attributes.colliders).filter(is_same_kind).filter(|(now, last)| {
         let travel = travel(&now.shape, &last.shape, fastest.drift);
         is_near(cloth, now, travel, f64::from(dt), fastest.place)
     });

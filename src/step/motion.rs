@@ -89,8 +89,8 @@ impl Motion {
         seen.map(Place::seen).or(self.placed)
     }
 
-    /// Pairs each collider with the one it moves from: itself if it is new, was teleported or has another kind of
-    /// shape. Colliders are matched by id; those without one by their order, if their kinds are the same in both lists and
+    /// Pairs each collider with the one it moves from: itself if it is new, was teleported or cannot have been that
+    /// ([`Collider::is_followed_by`]). Colliders are matched by id; those without one by their order, if their kinds are the same in both lists and
     /// nothing looks like another order.
     pub(crate) fn followed<'a>(&'a self, colliders: &'a [Collider]) -> impl Iterator<Item = (&'a Collider, &'a Collider)> {
         let unnamed = |list: &'a [Collider]| list.iter().filter(|collider| collider.id.is_none());

@@ -161,7 +161,8 @@ impl Rates {
 
     /// Substeps per second that resolve a stiffness (N/m).
     pub(crate) fn resolving(&self, stretch: f64) -> f64 {
-        self.unit * stretch.sqrt()
+        // Without edges there is nothing to resolve, however stiff.
+        if self.unit > 0.0 { self.unit * stretch.sqrt() } else { 0.0 }
     }
 
     /// Substeps per second that resolve the cloth's stiffness, up to the stiffness at which its own weight stretches it
@@ -190,9 +191,9 @@ pub(crate) fn is_gale(cloth: &Cloth, pressure: f64, before: Option<usize>) -> bo
     pressure > kept * GALE * cloth.density * STANDARD_GRAVITY
 }
 
-/// The compliance that a sweep adds to each edge, as a multiple of `h² w`: where it visits edges once ..
+/// The compliance that a sweep adds to each edge that it visits once, as a multiple of `h² w`.
 pub(crate) const ONE_WAY: f64 = 0.5;
-/// .. and where it visits them twice, in one order and in its reverse.
+/// The same for edges that it visits twice, in one order and in its reverse.
 const BOTH_WAYS: f64 = 0.25;
 
 /// The compliance that the sweep adds to an edge, as a multiple of `h² w`: derived in

@@ -17,10 +17,15 @@ use crate::options::Contact;
 use crate::past::Past;
 
 impl GpuEngine {
-    /// Requests the statistics of the submitted step, if it computes any; returns those that have arrived.
+    /// Requests the statistics of the submitted step, if it computes any; returns those that have arrived. After a step without, those of
+    /// earlier steps are not returned any more.
     pub(crate) fn statistics(&mut self) -> Result<Option<Statistics>, Failure> {
         let GpuEngine { gpu, counter, counts, contact, .. } = self;
-        let Some(counter) = counter.as_mut().filter(|_| *counts) else { return Ok(None) };
+        let Some(counter) = counter else { return Ok(None) };
+        if !*counts {
+            counter.forget();
+            return Ok(None);
+        }
         gpu.checked(|| counter.send_for(gpu, contact.is_some())).map_err(Failure::Gpu)
     }
 
