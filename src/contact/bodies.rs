@@ -13,7 +13,7 @@ use crate::step::plan::{MeshBody, Plan};
 
 /// A vertex of a body counts as near the cloth if a triangle of it comes within the cloth's bounding box, enlarged by this share of
 /// its largest extent.
-const NEAR: f32 = 0.1;
+pub(super) const NEAR: f32 = 0.1;
 
 /// The mesh colliders, from step to step.
 #[derive(Debug)]
