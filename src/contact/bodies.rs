@@ -8,11 +8,11 @@ use glam::{Vec3, Vec3A, Vec4};
 use super::common_motion::CommonMotion;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
-use crate::model::mesh::{Mesh, around, bounds, near_vertices};
+use crate::model::mesh::{Mesh, bounds};
 use crate::step::plan::{MeshBody, Plan};
 
-/// A vertex of a body counts as near the cloth if a triangle of it comes within the cloth's bounding box, enlarged by this share of
-/// its largest extent.
+/// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
+/// largest extent.
 pub(super) const NEAR: f32 = 0.1;
 
 /// The mesh colliders, from step to step.
@@ -155,10 +155,9 @@ impl Bodies {
         let cloth = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));
         self.near.clear();
         let mut travel = None;
-        for (vertex, [_, by]) in
-            (self.first as u32..).zip(near_motions(plan, Some(cloth))).filter_map(|(vertex, motion)| Some((vertex, motion?)))
-        {
+        for (vertex, motion) in (self.first as u32..).zip(motions(plan)).filter(|(_, motion)| is_near(*motion, cloth)) {
             self.near.push(vertex);
+            let [_, by] = motion;
             let [low, high] = travel.unwrap_or([by; 2]);
             travel = Some([low.min(by), high.max(by)]);
         }
@@ -166,16 +165,11 @@ impl Bodies {
     }
 }
 
-/// The motions of the vertices of the bodies, as in [`motions`], `None` for those that are not near a cloth in these bounds (m).
-/// Without bounds all are.
-pub(super) fn near_motions(plan: &Plan<'_>, cloth: Option<[Vec3; 2]>) -> impl Iterator<Item = Option<[Vec3; 2]>> {
-    let [low, high] = cloth.unwrap_or([Vec3::NEG_INFINITY, Vec3::INFINITY]);
-    let margin = cloth.map_or(0.0, |[low, high]| NEAR * (high - low).max_element());
-    plan.meshes.iter().flat_map(move |body| {
-        let motions = motions_of(body, plan.cloth.origin);
-        let boxes = motions.clone().map(move |motion| around(motion, motion[1].abs() + margin));
-        motions.zip(near_vertices(&body.to.triangles, boxes, [low, high])).map(|(motion, is_near)| is_near.then_some(motion))
-    })
+/// Whether a vertex of a body, given by where a step begins and its displacement in it, is near a cloth in these bounds (m).
+pub(super) fn is_near([from, by]: [Vec3; 2], [low, high]: [Vec3; 2]) -> bool {
+    let enlargement = by.abs() + NEAR * (high - low).max_element();
+    let (least, most) = (from.min(from + by) - enlargement, from.max(from + by) + enlargement);
+    least.cmple(high).all() && most.cmpge(low).all()
 }
 
 /// Whether the vertices of two meshes are in the same places.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{Vec3, Vec3A, Vec4};
 
 use super::ContactPast;
-use super::bodies::{Bodies, kinematic_pins, motions, motions_of, near_motions};
+use super::bodies::{Bodies, is_near, kinematic_pins, motions, motions_of};
 use super::common_motion::CommonMotion;
 use super::contacts::pinches::Pinched;
 use super::crossings::known::{KnownCrossings, Posed};
@@ -120,10 +120,10 @@ impl HostContact {
     /// [`CommonMotion::columns`]. The center's displacement is that in the whole step.
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
-        let near = near_motions(plan, plan.place.map(|place| [place.low, place.high])).flatten();
-        let of_meshes: Vec<_> = near.map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction))).collect();
-        let turning = CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes.iter().copied()), self.surface.thickness)
-            .unwrap_or_default();
+        let near = |motion: &[Vec3; 2]| plan.place.is_none_or(|place| is_near(*motion, [place.low, place.high]));
+        let of_meshes = motions(plan).filter(near).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
+        let turning =
+            CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.surface.thickness).unwrap_or_default();
         let [x, y, z, center, by] = turning.columns();
         [x, y, z, center, by / fraction]
     }
