@@ -8,7 +8,7 @@ use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
-use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, excess, most};
+use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, accepted, excess, most, resolved_share};
 use crate::step::load::Load;
 use crate::step::substep_count::{SIXTIETHS, is_gale};
 
@@ -30,8 +30,6 @@ const COARSE_ENOUGH: usize = 4096;
 /// The stretch that cloth with contact may have under its weight, by the strain law with a factor of 1, to keep a
 /// [`Quality::Budget`].
 const TAUT: f64 = 0.05;
-/// A garment may be narrower than what it is on by this share without a [`Warning::StrainMissed`] in every step.
-const NARROW: f64 = 0.1;
 
 impl Deformer {
     /// Changes the quality from the next step on. What was learned from the motion so far is kept. Bending that was softened
@@ -185,17 +183,19 @@ impl Deformer {
         holds: Option<Cause>,
     ) -> Option<Warning> {
         let StepDecision { dt, load, division, has_contact, trades_levels, .. } = decision;
-        let (share, longest, resolved) = (strain_bound.share, f64::from(division.length.longest_h), division.length.resolved);
+        let (share, longest) = (strain_bound.share, f64::from(division.length.longest_h));
+        let resolved = division.length.resolved;
+        let resolved = [resolved, resolved_share(&self.cloth, &self.rates, share, [resolved, longest])];
         let measured = f64::from(seen.stretch_of(f64::from(share)));
         let with_most = SIXTIETHS * most(&self.rates, &self.cloth) * longest < 1.001;
         let caution = self.caution(*has_contact, *trades_levels);
-        let known = self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt);
+        let known = self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm(&self.cloth));
         let beyond = |known| excess(&self.cloth, load, [measured, known], share, resolved);
         let law = self.rates.strain(load.stress(&self.cloth), longest);
         self.controller.learn(law, beyond(known), caution, *dt, holds.is_some());
         // More substeps do not help, but that is no reason to keep silent: neither while the cloth is jerked, nor where what holds
         // it stretches it by more than a garment can be too narrow.
-        let excess = beyond(if load.is_calm(&self.cloth) { known.min(NARROW) } else { 0.0 });
+        let excess = beyond(accepted(&self.cloth, load, known, share));
         let missed = excess > f64::from(strain_bound.stretch);
         let slivers = self.cloth.slivers.edges as f32 > (1.0 - share) * self.cloth.links.len() as f32;
         let cause = slivers.then_some(Cause::Slivers).or(holds).unwrap_or_else(|| load.cause(&self.cloth));

@@ -17,8 +17,8 @@ pub enum Quality {
     /// colliders move) by the law `S = S* sqrt(2 sigma f / (K stretch))`, where `S*` is the number that resolves the
     /// stiffness K (N/m) and sigma (N/m) is the membrane stress. After the step the factor f is corrected from the measured
     /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`, more only where contact needs it, also to come
-    /// to rest ([`Sleep`](crate::Sleep)). Stretch that remains with 1.4 `S*` is the fabric's own, measured anew every ten
-    /// seconds: fewer substeps then do, as long as they leave so much of its tension that friction still holds what is
+    /// to rest ([`Sleep`](crate::Sleep)). Stretch that remains with 1.4 `S*` is the fabric's own, measured anew after ten
+    /// seconds of motion: fewer substeps then do, as long as they leave so much of its tension that friction still holds what is
     /// pulled over a body. If a step exceeded the bound, [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how
     /// much, and why.
     ///

@@ -124,9 +124,9 @@ impl Load {
         cloth.density * self.gravity * cloth.extent
     }
 
-    /// Whether what moves adds less than a third to the stress of gravity.
+    /// Whether what moves adds less than a third to the stress of gravity and wind.
     pub(crate) fn is_calm(&self, cloth: &Cloth) -> bool {
-        self.stress_without_wind(cloth) < 1.3 * self.weight(cloth)
+        self.stress_without_wind(cloth) - self.weight(cloth) < 0.3 * (self.weight(cloth) + self.pressure * cloth.extent)
     }
 
     /// The term that contributes most to the stress.

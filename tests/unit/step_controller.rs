@@ -20,20 +20,24 @@ fn what_holds_the_cloth_ends_what_was_learned_at_once() {
 }
 
 /// Stretch that was measured with as many substeps as help is the fabric's own, for as long as not much less is measured, and not for
-/// ever.
+/// ever while the cloth moves.
 #[test]
 fn stretch_that_no_substeps_change_is_the_fabrics_own() {
     let (aim, dt) = (0.02, 1.0 / 60.0);
     let mut controller = Controller::default();
-    assert_eq!(controller.own_of(0.05, false, aim, dt), 0.0, "with fewer substeps");
-    assert_eq!(controller.own_of(0.05, true, aim, dt), 0.05);
+    assert_eq!(controller.own_of(0.05, false, aim, dt, false), 0.0, "with fewer substeps");
+    assert_eq!(controller.own_of(0.05, true, aim, dt, false), 0.05);
     for measured in [0.08, 0.041] {
-        assert_eq!(controller.own_of(measured, false, aim, dt), 0.05);
+        assert_eq!(controller.own_of(measured, false, aim, dt, false), 0.05);
     }
     let (mut slack, mut changed) = (controller, controller);
-    assert_eq!(slack.own_of(0.039, false, aim, dt), 0.0, "it may be slack");
-    assert_eq!(changed.own_of(0.041, true, aim, dt), 0.041, "measured anew");
-    assert_eq!(changed.own_of(0.019, true, aim, dt), 0.0, "nothing asks for more substeps");
-    let known = (0..60 * 60).take_while(|_| controller.own_of(0.08, false, aim, dt) == 0.05).count();
+    assert_eq!(slack.own_of(0.039, false, aim, dt, false), 0.0, "it may be slack");
+    assert_eq!(changed.own_of(0.041, true, aim, dt, false), 0.041, "measured anew");
+    assert_eq!(changed.own_of(0.019, true, aim, dt, false), 0.0, "nothing asks for more substeps");
+    let mut fallen = Controller { fallen_for: 0.1, ..controller };
+    assert!((fallen.own_of(0.03, false, aim, dt, false) - 0.035).abs() < 1e-9, "fewer substeps leave less");
+    let mut calm = controller;
+    assert!((0..60 * 60).all(|_| calm.own_of(0.08, false, aim, dt, true) == 0.05), "nothing has changed");
+    let known = (0..60 * 60).take_while(|_| controller.own_of(0.08, false, aim, dt, false) == 0.05).count();
     assert!((500..700).contains(&known), "known for {known} frames");
 }
