@@ -82,6 +82,18 @@ fn what_is_odd_stays() {
     assert_eq!(added, "v\u{a0}4 5 6\u{2028}\nf\u{a0}1 2\u{3000}1".as_bytes());
 }
 
+/// Only `v` and `f` lines are continued: what ends in a backslash otherwise is no face.
+#[test]
+fn a_backslash_after_another_keyword_is_ignored() {
+    for odd in ["vt\\", "vn\\", "vt 0 0\\", "vn 0 1 0\\"] {
+        let given = format!("v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\n{odd}\nf 1 2 3 4\n");
+        let template = ObjTemplate::parse(given.as_bytes()).unwrap();
+        assert_eq!(template.mesh(), &Mesh::parse_obj(&given).unwrap());
+        assert_eq!(template.polygons(), [[0, 1, 2, 3]], "after {odd}");
+        assert_eq!(text(template.write(&template.mesh().positions).unwrap()), given);
+    }
+}
+
 fn normals(text: &str) -> Vec<Vec3> {
     let numbers = |line: &str| -> Vec<f32> { line.split_whitespace().skip(1).map(|word| word.parse().unwrap()).collect() };
     text.lines().filter(|line| line.starts_with("vn ")).map(|line| Vec3::from_slice(&numbers(line))).collect()

@@ -100,23 +100,19 @@ pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     (1..=vertices).for_each(|vertex| _ = write!(source, " {vertex}"));
     source.push('\n');
     let (mut vertex, mut face) = (0, 0);
-    for statement in statements(text) {
+    for statement in statements(text).filter(Statement::is_of_mesh) {
         let line = statement.line;
-        let words: Vec<&str> = statement.text.split_whitespace().collect();
+        let words: Vec<&str> = statement.words().collect();
         if statement.is_vertex() {
             vertex += 1;
             let [x, y, z, weight] =
-                check_vertex(&words[1..]).map_err(|problem| ObjError::Vertex { file: file.clone(), line, vertex, problem })?;
+                check_vertex(&words).map_err(|problem| ObjError::Vertex { file: file.clone(), line, vertex, problem })?;
             _ = writeln!(source, "v {x} {y} {z} {weight}");
         } else {
             face += 1;
-            check_face(&words[1..], vertex, vertices).map_err(|problem| ObjError::Face {
-                file: file.clone(),
-                line,
-                face,
-                problem,
-            })?;
-            source.push_str(&statement.text);
+            check_face(&words, vertex, vertices).map_err(|problem| ObjError::Face { file: file.clone(), line, face, problem })?;
+            source.push('f');
+            words.iter().for_each(|corner| source.extend([" ", corner]));
             source.push('\n');
         }
     }

@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 use crate::io::atomic_file;
 use crate::io::obj::file::read_file;
 use crate::io::obj::normals::{Face, Normals};
-use crate::io::obj::text::bare;
+use crate::io::obj::text::{place, statements};
 use crate::io::obj::{ObjError, parse};
 use crate::model::mesh::Mesh;
 
@@ -65,16 +65,15 @@ impl ObjTemplate {
         let text = in_ascii(&bytes);
         let (mut vertices, mut texture, mut normals, mut faces) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mark = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
-        for words in statements(&text, mark) {
-            match words[0].1 {
+        for statement in statements(&text[mark..]) {
+            let words: Vec<&str> = statement.words().collect();
+            let span = |last: usize| place(&text, words[0]).start..place(&text, words[last]).end;
+            match statement.keyword {
                 // A fourth number is a weight, which divides the others.
-                "v" => vertices.push(words[1].0.start..words[if words.len() == 5 { 4 } else { 3 }].0.end),
-                "vt" => texture.push(number(&words, 1).zip(number(&words, 2)).map(Vec2::from)),
-                "vn" => normals.push(numbers(&words)),
-                _ => faces.push(Face {
-                    corners: words[1..].iter().map(|&(_, corner)| corner).collect(),
-                    before: [vertices.len(), texture.len(), normals.len()],
-                }),
+                "v" => vertices.push(span(if words.len() == 4 { 3 } else { 2 })),
+                "vt" => texture.push(number(&words, 0).zip(number(&words, 1)).map(Vec2::from)),
+                "vn" => normals.push(vector(&words).map(|normal| (span(2), normal))),
+                _ => faces.push(Face { corners: words, before: [vertices.len(), texture.len(), normals.len()] }),
             }
         }
         let polygons: Vec<Vec<u32>> = faces.iter().map(Face::vertices).collect();
@@ -177,39 +176,12 @@ fn in_ascii(bytes: &[u8]) -> String {
     text
 }
 
-/// The words of each `v`, `vt`, `vn` and `f` statement, with their places, from byte `from` on. As in the parser, only
-/// `v` and `f` lines are continued by `\`.
-fn statements(text: &str, from: usize) -> impl Iterator<Item = Vec<(Range<usize>, &str)>> {
-    let mut lines = text[from..].lines().map(bare);
-    let place = |word: &str| {
-        let start = word.as_ptr() as usize - text.as_ptr() as usize;
-        start..start + word.len()
-    };
-    std::iter::from_fn(move || {
-        loop {
-            let mut line = lines.next()?;
-            let first = line.strip_suffix('\\').unwrap_or(line).split_whitespace().next();
-            let Some(first) = first.filter(|first| matches!(*first, "v" | "vt" | "vn" | "f")) else { continue };
-            let mut words = Vec::new();
-            loop {
-                let continued = line.strip_suffix('\\').filter(|_| matches!(first, "v" | "f"));
-                words.extend(continued.unwrap_or(line).split_whitespace().map(|word| (place(word), word)));
-                match continued {
-                    Some(_) => line = lines.next().unwrap_or_default(),
-                    None => return Some(words),
-                }
-            }
-        }
-    })
-}
-
-/// The three numbers of a `vn` statement and their place, or `None` if it does not have three numbers.
-fn numbers(words: &[(Range<usize>, &str)]) -> Option<(Range<usize>, Vec3)> {
-    let [first, _, last] = words.get(1..)? else { return None };
-    Some((first.0.start..last.0.end, Vec3::new(number(words, 1)?, number(words, 2)?, number(words, 3)?)))
+/// The numbers of a `vn` statement, or `None` if it does not have three of them.
+fn vector(words: &[&str]) -> Option<Vec3> {
+    (words.len() == 3).then(|| Some(Vec3::new(number(words, 0)?, number(words, 1)?, number(words, 2)?)))?
 }
 
 /// A word of a statement as a finite number.
-fn number(words: &[(Range<usize>, &str)], word: usize) -> Option<f32> {
-    words.get(word)?.1.parse::<f32>().ok().filter(|number| number.is_finite())
+fn number(words: &[&str], word: usize) -> Option<f32> {
+    words.get(word)?.parse::<f32>().ok().filter(|number| number.is_finite())
 }

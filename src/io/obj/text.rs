@@ -1,47 +1,76 @@
 //! The statements of an OBJ, and what they may be.
 
-use std::borrow::Cow;
+use std::ops::Range;
 
-/// A `v` or `f` statement and the line on which it begins.
+/// A `v`, `vt`, `vn` or `f` statement.
 pub(super) struct Statement<'a> {
+    /// The line on which it begins.
     pub line: usize,
-    pub text: Cow<'a, str>,
+    pub keyword: &'a str,
+    /// From its first line to its last one, with comments.
+    text: &'a str,
 }
 
-impl Statement<'_> {
+impl<'a> Statement<'a> {
     pub(super) fn is_vertex(&self) -> bool {
-        self.text.starts_with('v')
+        self.keyword == "v"
+    }
+
+    /// Whether it says where cloth is.
+    pub(super) fn is_of_mesh(&self) -> bool {
+        is_continued(self.keyword)
+    }
+
+    /// Its words after the keyword.
+    pub(super) fn words(&self) -> impl Iterator<Item = &'a str> + use<'a> {
+        let is_continued = is_continued(self.keyword);
+        let bare = self.text.lines().map(bare);
+        let words = bare.flat_map(move |line| if is_continued { uncontinued(line) } else { line }.split_whitespace());
+        words.skip(1)
     }
 }
 
-/// The text's `v` and `f` statements, without comments and with continued lines joined.
-///
-/// Only these statements are continued: a path or a comment may end in `\` and must not swallow the vertex on the next
-/// line.
+/// Whether statements with this keyword are continued by `\`. Others are not: a path or a comment may end in `\` and must not
+/// swallow the vertex on the next line.
+fn is_continued(keyword: &str) -> bool {
+    matches!(keyword, "v" | "f")
+}
+
+/// A line without the `\` by which it is continued.
+fn uncontinued(line: &str) -> &str {
+    line.strip_suffix('\\').unwrap_or(line)
+}
+
+/// The text's `v`, `vt`, `vn` and `f` statements, without comments and with continued lines joined.
 pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
     // `tobj` would read a byte order mark as part of the first word, and lose that vertex.
-    let mut lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines().zip(1..);
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let mut lines = text.lines().zip(1..);
     std::iter::from_fn(move || {
-        let is_statement = |&(line, _): &(&str, usize)| {
-            let line = bare(line);
-            let uncontinued = line.strip_suffix('\\').unwrap_or(line);
-            matches!(uncontinued.split_whitespace().next(), Some("v" | "f"))
-        };
-        let (line, number) = lines.find(is_statement)?;
-        let mut text = Cow::Borrowed(bare(line));
-        while text.ends_with('\\') {
-            let joined = text.to_mut();
-            joined.pop();
-            joined.push(' ');
-            joined.push_str(lines.next().map_or("", |(line, _)| bare(line)));
+        let (first, line, keyword) = lines.find_map(|(line, number)| {
+            let keyword = uncontinued(bare(line)).split_whitespace().next();
+            let keyword = keyword.filter(|keyword| matches!(*keyword, "v" | "vt" | "vn" | "f"));
+            Some((line, number, keyword?))
+        })?;
+        let mut last = first;
+        while is_continued(keyword) && bare(last).ends_with('\\') {
+            let Some((next, _)) = lines.next() else { break };
+            last = next;
         }
-        Some(Statement { line: number, text })
+        let text = &text[place(text, first).start..place(text, last).end];
+        Some(Statement { line, keyword, text })
     })
+}
+
+/// The place in a text of a part of it.
+pub(super) fn place(text: &str, part: &str) -> Range<usize> {
+    let start = part.as_ptr() as usize - text.as_ptr() as usize;
+    start..start + part.len()
 }
 
 /// A line without its comment and the surrounding space. In `1.#QNAN` and `1.#INF`, as some programs write numbers that are
 /// none, no comment begins: they must not be read as 1.
-pub(super) fn bare(line: &str) -> &str {
+fn bare(line: &str) -> &str {
     let mut marks = line.match_indices('#').map(|(place, _)| place);
     let comment = marks.find(|&place| !line[..place].ends_with("1."));
     line[..comment.unwrap_or(line.len())].trim()
