@@ -224,6 +224,9 @@ fn more_vertices_than_a_cloth_may_have_are_refused() {
     let text = "v 0 0 0\n".repeat((1 << 24) + 1);
     let error = Mesh::parse_obj(&text).map(|mesh| mesh.positions.len()).unwrap_err();
     assert_eq!(error.to_string(), "more than 16777216 vertices, the most that a mesh may have; split it");
+    let mesh = Mesh { positions: vec![Vec3::ZERO; (1 << 24) + 1], triangles: Vec::new() };
+    let written = mesh.write_obj().map(|text| text.len()).unwrap_err();
+    assert_eq!(written.to_string(), error.to_string(), "nor are they written");
 }
 
 #[test]

@@ -47,10 +47,10 @@ pub enum ObjError {
         /// The file, if the text was read from one.
         file: Option<PathBuf>,
     },
-    /// The text has more vertices than a mesh may have.
+    /// The text, or the mesh to be written, has more vertices than a mesh may have.
     #[error("{}more than {most} vertices, the most that a mesh may have; split it", Location(.file.as_ref(), None), most = MAX_VERTICES)]
     TooManyVertices {
-        /// The file, if the text was read from one.
+        /// The file that was read or was to be written, if any.
         file: Option<PathBuf>,
     },
     /// A `v` statement is not a position.

@@ -78,7 +78,7 @@ impl Mesh {
     /// their order. Numbers are the shortest decimals without exponents that read back bit for bit.
     ///
     /// # Errors
-    /// [`ObjError::Mesh`] if [`Mesh::parse_obj`] would reject the text.
+    /// [`ObjError::TooManyVertices`] or [`ObjError::Mesh`] if [`Mesh::parse_obj`] would reject the text.
     pub fn write_obj(&self) -> Result<String, ObjError> {
         write(self, None)
     }
@@ -140,6 +140,9 @@ fn write(mesh: &Mesh, file: Option<&Path>) -> Result<String, ObjError> {
     let problem = |problem| Err(ObjError::Mesh { file: file.map(Path::to_owned), problem });
     if vertices == 0 {
         return problem("the mesh has no vertices; give it at least one".to_owned());
+    }
+    if vertices > MAX_VERTICES {
+        return Err(ObjError::TooManyVertices { file: file.map(Path::to_owned) });
     }
     let mut text = String::with_capacity(40 * vertices + 24 * mesh.triangles.len());
     for (vertex, position) in mesh.positions.iter().enumerate() {
