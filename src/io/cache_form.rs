@@ -66,20 +66,12 @@ impl UpAxis {
 }
 
 impl CacheForm {
-    /// The bytes before the first sample.
-    pub(super) fn header(&self, vertices: usize, samples: usize) -> Result<Vec<u8>, PointCacheError> {
+    /// The numbers of vertices and samples, as they are in a file of this format, if there can be one.
+    pub(super) fn check(&self, vertices: usize, samples: usize) -> Result<[i32; 2], PointCacheError> {
         let count = |things, count: usize| i32::try_from(count).map_err(|_| PointCacheError::TooMany { things, count });
-        let (few_vertices, few_samples) = (count("vertices", vertices)?, count("samples", samples)?);
+        let counts = [count("vertices", vertices)?, count("samples", samples)?];
         match self {
-            CacheForm::Pc2 => {
-                let mut header = b"POINTCACHE2\0".to_vec();
-                header.extend(1_i32.to_le_bytes());
-                header.extend(few_vertices.to_le_bytes());
-                header.extend(1_f32.to_le_bytes());
-                header.extend(1_f32.to_le_bytes());
-                header.extend(few_samples.to_le_bytes());
-                Ok(header)
-            }
+            CacheForm::Pc2 => {}
             CacheForm::Mdd { fps } => {
                 check_rate(*fps)?;
                 if !((samples as f64 / f64::from(*fps)) as f32).is_finite() {
@@ -88,12 +80,8 @@ impl CacheForm {
                     );
                     return Err(PointCacheError::Form { problem });
                 }
-                let mut header = [few_samples.to_be_bytes(), few_vertices.to_be_bytes()].concat();
-                let times = (0..samples).map(|sample| (sample as f64 / f64::from(*fps)) as f32);
-                header.extend(times.flat_map(f32::to_be_bytes));
-                Ok(header)
             }
-            CacheForm::Usda { fps, up, faces, texture } => {
+            CacheForm::Usda { fps, faces, texture, .. } => {
                 check_rate(*fps)?;
                 let is_face = |face: &Vec<u32>| face.len() > 2 && face.iter().all(|&corner| (corner as usize) < vertices);
                 if let Some(face) = faces.iter().position(|face| !is_face(face)) {
@@ -112,7 +100,31 @@ impl CacheForm {
                     let problem = format!("texture[{corner}] is {}; give finite numbers", texture[corner]);
                     return Err(PointCacheError::Form { problem });
                 }
-                Ok(usda_header(*fps, *up, faces, texture, samples).into_bytes())
+            }
+        }
+        Ok(counts)
+    }
+
+    /// Writes what comes before the first sample, for numbers from [`CacheForm::check`].
+    pub(super) fn write_header(&self, file: &mut impl Write, [vertices, samples]: [i32; 2]) -> io::Result<()> {
+        match self {
+            CacheForm::Pc2 => {
+                file.write_all(b"POINTCACHE2\0")?;
+                file.write_all(&1_i32.to_le_bytes())?;
+                file.write_all(&vertices.to_le_bytes())?;
+                file.write_all(&1_f32.to_le_bytes())?;
+                file.write_all(&1_f32.to_le_bytes())?;
+                file.write_all(&samples.to_le_bytes())
+            }
+            CacheForm::Mdd { fps } => {
+                file.write_all(&samples.to_be_bytes())?;
+                file.write_all(&vertices.to_be_bytes())?;
+                // One by one, because there may be more samples than memory.
+                let mut times = (0..samples).map(|sample| (f64::from(sample) / f64::from(*fps)) as f32);
+                times.try_for_each(|time| file.write_all(&time.to_be_bytes()))
+            }
+            CacheForm::Usda { fps, up, faces, texture } => {
+                file.write_all(usda_header(*fps, *up, faces, texture, samples).as_bytes())
             }
         }
     }
@@ -159,7 +171,7 @@ fn check_rate(fps: f32) -> Result<(), PointCacheError> {
     }
 }
 
-fn usda_header(fps: f32, up: UpAxis, faces: &[Vec<u32>], texture: &[Vec2], samples: usize) -> String {
+fn usda_header(fps: f32, up: UpAxis, faces: &[Vec<u32>], texture: &[Vec2], samples: i32) -> String {
     let list = |numbers: &mut dyn Iterator<Item = u32>| {
         let words: Vec<String> = numbers.map(|number| number.to_string()).collect();
         words.join(", ")

@@ -63,8 +63,8 @@ impl PointCache {
         samples: usize,
     ) -> Result<PointCache, PointCacheError> {
         let path = path.as_ref().to_path_buf();
-        let header = form.header(vertices, samples)?;
-        let begun = AtomicFile::create(&path).and_then(|mut file| file.write_all(&header).map(|()| file));
+        let counts = form.check(vertices, samples)?;
+        let begun = AtomicFile::create(&path).and_then(|mut file| form.write_header(&mut file, counts).map(|()| file));
         match begun {
             Ok(file) => Ok(PointCache { path, file, form, boxes: Vec::new(), vertices, samples, given: 0, cut_short: false }),
             Err(reason) => Err(PointCacheError::Write { file: path, reason }),
