@@ -28,8 +28,8 @@ impl fmt::Display for Warning {
                 write!(f, "springs are unstable at {substeps} substeps, and stable from {needed} on")
             }
             Warning::StrainMissed { stretch, promised, cause } => {
-                let [stretch, promised] = [stretch, promised].map(|share| 100.0 * share);
-                write!(f, "the cloth was stretched by {stretch:.1} %, more than the bound of {promised:.1} %, {cause}")
+                let [stretch, promised] = distinct([stretch, promised].map(|share| 100.0 * f64::from(share)));
+                write!(f, "the cloth was stretched by {stretch} %, more than the bound of {promised} %, {cause}")
             }
             Warning::Slivers { edges, worst: [a, b] } => {
                 write!(
@@ -38,21 +38,24 @@ impl fmt::Display for Warning {
                 )
             }
             Warning::PinOutruns { pin, speed, carried } => {
+                let [speed, carried] = distinct([speed, carried].map(f64::from));
                 write!(
                     f,
-                    "pin {pin} moves at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps"
+                    "pin {pin} moves at {speed} m/s, faster than the {carried} m/s that the cloth can follow with these substeps"
                 )
             }
             Warning::ColliderOutruns { collider, speed, carried } => {
+                let [speed, carried] = distinct([speed, carried].map(f64::from));
                 write!(
                     f,
-                    "collider {collider} and the cloth meet at {speed:.1} m/s, faster than the {carried:.1} m/s that the cloth can follow with these substeps"
+                    "collider {collider} and the cloth meet at {speed} m/s, faster than the {carried} m/s that the cloth can follow with these substeps"
                 )
             }
             Warning::ContactOutruns { speed, resolved } => {
+                let [speed, resolved] = distinct([speed, resolved].map(f64::from));
                 write!(
                     f,
-                    "pins or mesh colliders move relative to each other at {speed:.1} m/s, faster than the {resolved:.1} m/s that contact resolves with these substeps"
+                    "pins or mesh colliders move relative to each other at {speed} m/s, faster than the {resolved} m/s that contact resolves with these substeps"
                 )
             }
             Warning::BodyCrossings { pairs, collider } => {
@@ -69,4 +72,11 @@ impl fmt::Display for Warning {
             }
         }
     }
+}
+
+/// Two numbers with one decimal, or with as many as show which is larger.
+fn distinct(numbers: [f64; 2]) -> [String; 2] {
+    let with = |decimals: usize| numbers.map(|number| format!("{number:.decimals$}"));
+    // More decimals tell no numbers in single precision apart.
+    (1..16).map(with).find(|[a, b]| a != b).unwrap_or_else(|| with(1))
 }

@@ -43,3 +43,18 @@ fn warnings_are_sentences_with_their_numbers() {
         assert!(parts.iter().all(|part| text.contains(part)), "{text}");
     }
 }
+
+/// What exceeds a bound by little is not said to be the bound.
+#[test]
+fn numbers_in_warnings_differ() {
+    for (stretch, parts) in [
+        (0.0304, ["by 3.04 %", "of 3.00 %"]),
+        (0.03004, ["by 3.004 %", "of 3.000 %"]),
+        (f32::from_bits(0.03_f32.to_bits() + 1), ["by 3.0000001 %", "of 2.9999999 %"]),
+    ] {
+        let text = Warning::StrainMissed { stretch, promised: 0.03, cause: Cause::Wind }.to_string();
+        assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+    }
+    let text = Warning::ContactOutruns { speed: 6.02, resolved: 6.0 }.to_string();
+    assert!(text.contains("6.02 m/s") && text.contains("6.00 m/s"), "{text}");
+}
