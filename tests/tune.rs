@@ -123,6 +123,28 @@ fn a_strain_is_kept_with_the_fewest_substeps() {
     assert!(beyond(Options { quality: half, ..tuned.options }) > 0);
 }
 
+/// What moves before the first step has its velocity in it, as in a run of which the colliders were placed.
+#[test]
+fn colliders_are_in_motion_from_the_first_step_on() {
+    let (mesh, options) = hung(9, membrane());
+    // A plane that drags the cloth along.
+    let scene = |frame: u32| {
+        let plane = Collider::plane(Vec3::Z * 0.02 * frame as f32, Vec3::Y).with_friction(10.0);
+        Attributes { colliders: vec![plane], ..Attributes::default() }
+    };
+    let tuned = tune(&mesh, &options, scene, 2, Tolerance::Strain(1e-7)).unwrap();
+    let trial = tuned.trials[0];
+    let mut cloth = Deformer::new(&mesh, Options { sleep: None, ..trial.setting.options(&options) }).unwrap();
+    cloth.place_colliders(&scene(0).colliders).unwrap();
+    let stretch = |frame| {
+        cloth.step(FRAME, &scene(frame)).unwrap();
+        cloth.measure().unwrap().stretch_share
+    };
+    let most = (1..3).map(stretch).fold(0.0, f32::max);
+    assert!(most > 1e-3, "{most}");
+    assert_eq!(trial.error, most);
+}
+
 /// A tolerance that no run keeps: the one with the least error is returned, and is said to miss it.
 #[test]
 fn a_strain_that_nothing_keeps_is_said_to_be_missed() {

@@ -73,6 +73,8 @@ impl Scene<'_> {
         if nudge > 0.0 {
             self.nudge(&mut cloth, nudge).map_err(failed(0))?;
         }
+        // As in a run that begins in motion, the first step moves the colliders from where they are before it.
+        cloth.place_colliders(&(self.attributes)(0).colliders).map_err(failed(0))?;
         let compared = self.compared_frames();
         let mut clip = Clip { frames: Vec::new(), stretch: Vec::new(), milliseconds: 0.0, substeps: 0.0, levels: 0 };
         let mut times = Vec::new();
@@ -121,7 +123,7 @@ fn speed(velocities: impl ExactSizeIterator<Item = Vec3>) -> f64 {
 impl Clip {
     /// The frames that the search compares, or those that verify the result.
     pub(super) fn part(&self, checked: bool) -> impl Iterator<Item = &ClipFrame> {
-        // The last frame is one that the search compares.
+        // The search compares the second frame, the fourth and so on: of an even number of frames, the last one, too.
         let odd = usize::from(checked) ^ 1;
         self.frames.iter().enumerate().filter(move |(index, _)| index % 2 == odd).map(|(_, frame)| frame)
     }

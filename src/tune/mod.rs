@@ -175,7 +175,8 @@ impl Display for Setting {
 }
 
 /// Finds the cheapest method, number of substeps, coarse levels and terms that keep a tolerance in a scene of `mesh`
-/// with `options` over `frames` frames of 1/60 s. `attributes` returns the attributes of each frame, counted from 1.
+/// with `options` over `frames` frames of 1/60 s. `attributes` returns the attributes of each frame, counted from 1;
+/// of frame 0, before the first step, only the colliders are used.
 ///
 /// The scene is simulated up to 20 times, for a [`Tolerance::Position`] two of them with the stiffness resolved. These take most of
 /// the time: expect about three times that of one resolved run. No run sleeps. Times are measured on this machine under its current load.
