@@ -57,7 +57,9 @@ pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Res
     }
     // The golden ratio spreads the samples evenly; a stride might follow the border of a grid.
     let places = (0..SAMPLES).map(|k| ((k as f64 * 0.618_034).fract() * rest.len() as f64) as usize);
-    let near = |center: Vec3| rest.iter().filter(|x| x.distance_squared(center) < thickness * thickness).count();
+    let within = |center: Vec3| rest.iter().filter(|x| x.distance_squared(center) < thickness * thickness).count();
+    // Without the center itself.
+    let near = |center| within(center).saturating_sub(1);
     let near = places.map(|place| near(rest[place])).sum::<usize>() / SAMPLES;
     if near > NEAR && near as u64 * rest.len() as u64 > PAIRS {
         let value = format!("{thickness} m, within which a vertex has about {near} others");

@@ -150,8 +150,8 @@ impl<'a> ShortestPaths<'a> {
 
     /// Records a path if it is the shortest to its vertex so far.
     fn note(&mut self, vertex: u32, length: f64, anchor: u32) {
-        let longer = self.found[vertex as usize].is_none_or(|(found, _)| length < found * (1.0 - SHORTER));
-        if longer && length < self.farthest {
+        let is_shorter = self.found[vertex as usize].is_none_or(|(found, _)| length < found * (1.0 - SHORTER));
+        if is_shorter && length < self.farthest {
             self.found[vertex as usize] = Some((length, anchor));
             self.next.push(Reverse((length.to_bits(), vertex)));
         }

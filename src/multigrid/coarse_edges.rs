@@ -112,7 +112,7 @@ impl Stiffness {
             let mut tensors = vec![DMat3::ZERO; aggregates.len()];
             for fiber in fibers {
                 for aggregate in of(fiber) {
-                    let q = voigt(fiber.direction, frames[aggregate]);
+                    let q = mandel(fiber.direction, frames[aggregate]);
                     tensors[aggregate] += DMat3::from_cols(q * q.x, q * q.y, q * q.z) * weight(fiber);
                 }
             }
@@ -127,13 +127,13 @@ impl Stiffness {
     /// Stiffness times area (m²) along `n` for K = 1 N/m, with the cloth free to contract across it; and its share of
     /// the stiffness of all directions together.
     fn along(&self, aggregate: u32, n: DVec3) -> (f64, f64) {
-        along(self.tensors[aggregate as usize], voigt(n, self.frames[aggregate as usize]))
+        along(self.tensors[aggregate as usize], mandel(n, self.frames[aggregate as usize]))
     }
 
     /// That stiffness as a share of what it would be if all edges were firm, at most 1.
     fn firmness(&self, aggregate: u32, n: DVec3) -> f64 {
         let Some(&firm) = self.firm_tensors.get(aggregate as usize) else { return 1.0 };
-        let q = voigt(n, self.frames[aggregate as usize]);
+        let q = mandel(n, self.frames[aggregate as usize]);
         let [soft, firm] = [self.tensors[aggregate as usize], firm].map(|tensor| along(tensor, q).0);
         if firm > 0.0 { (soft / firm).min(1.0) } else { 1.0 }
     }
@@ -152,7 +152,7 @@ fn along(tensor: DMat3, q: DVec3) -> (f64, f64) {
 
 /// `(a², b², sqrt(2) a b)` of a direction in a plane: its scalar product with the strain tensor (in Mandel notation) is
 /// the strain along it.
-fn voigt(n: DVec3, [e, f]: [DVec3; 2]) -> DVec3 {
+fn mandel(n: DVec3, [e, f]: [DVec3; 2]) -> DVec3 {
     let (a, b) = (n.dot(e), n.dot(f));
     DVec3::new(a * a, b * b, std::f64::consts::SQRT_2 * a * b)
 }

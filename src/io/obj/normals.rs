@@ -108,7 +108,7 @@ impl Normals {
 /// (m²). A polygon without area has the identity.
 fn frame(polygon: &[u32], positions: &[Vec3]) -> (Mat3, f32) {
     let at = |corner: usize| positions[polygon[corner % polygon.len()] as usize];
-    // Newell's method, which works for any polygon, planar or not.
+    // The sum over a fan of triangles, in which areas where a polygon is not convex cancel.
     let area: Vec3 = (0..polygon.len()).map(|corner| (at(corner) - at(0)).cross(at(corner + 1) - at(0))).sum();
     let Some(normal) = area.try_normalize() else { return (Mat3::IDENTITY, 0.0) };
     let side = (0..polygon.len()).find_map(|corner| (at(corner + 1) - at(corner)).reject_from(normal).try_normalize());
