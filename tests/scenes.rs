@@ -312,6 +312,23 @@ fn gusts_have_a_seed() {
     assert!(low > 0.49 && high < 1.51 && high - low > 0.2, "from {low} to {high} m/s");
 }
 
+/// Gusts turn about the vertical, also where that is z: a wind along it stays as it is.
+#[test]
+fn gusts_turn_about_the_vertical() {
+    for (gravity, velocity) in [("[0, -1, 0]", "[0, 3, 0]"), ("[0, 0, -1]", "[0, 0, 3]")] {
+        let blown = |gusts: &str| {
+            let text = format!("{SHEET}\n[wind]\nvelocity = {velocity}\ngusts = {{ strength = 0{gusts}, period = 0.1 }}");
+            let (directory, output) =
+                scene(&text, &["--frames", "11", "--gravity", &gravity[1..gravity.len() - 1].replace(' ', "")]);
+            succeeds(&output);
+            frame(&directory, 11)
+        };
+        let (steady, gusty) = (blown(""), blown(", turn = 90"));
+        let apart = steady.iter().zip(&gusty).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        assert!(apart < 1e-5, "{apart} m with gravity {gravity}");
+    }
+}
+
 /// Several cloths are parts of one mesh, each from its own file or grid and in its own place; pins select vertices of
 /// one cloth.
 #[test]

@@ -1,7 +1,7 @@
 //! The air: its velocity over time, including gusts.
 
-use cloth_deformer::Attributes;
 use cloth_deformer::glam::{Quat, Vec3};
+use cloth_deformer::{Attributes, UpAxis};
 
 use super::file::{Gusts, Wind};
 use super::keys::Animated;
@@ -16,13 +16,13 @@ impl Wind {
         Wind { velocity: Animated::still(velocity), density: None, drag: None, lift: None, damping: None, gusts: None }
     }
 
-    /// The attributes with the air at a moment.
-    pub(super) fn blow(&self, moment: Moment, attributes: Attributes) -> Attributes {
+    /// The attributes with the air at a moment; gusts turn about the scene's vertical.
+    pub(super) fn blow(&self, moment: Moment, up: UpAxis, attributes: Attributes) -> Attributes {
         let Wind { velocity, density, drag, lift, damping, gusts } = self;
         let velocity = velocity.at(moment);
         let drag = drag.map_or(attributes.drag, |drag| drag.0);
         Attributes {
-            wind: gusts.as_ref().map_or(velocity, |gusts| gusts.of(velocity, moment.time)),
+            wind: gusts.as_ref().map_or(velocity, |gusts| gusts.of(velocity, moment.time, up)),
             air_density: density.map_or(AIR, |density| density.0),
             drag,
             lift: lift.map_or(drag, |lift| lift.0),
@@ -34,11 +34,11 @@ impl Wind {
 
 impl Gusts {
     /// A velocity (m/s) modified by the gusts at `time` (s).
-    fn of(&self, velocity: Vec3, time: f64) -> Vec3 {
+    fn of(&self, velocity: Vec3, time: f64, up: UpAxis) -> Vec3 {
         let at = time / f64::from(self.period.map_or(1.0, |period| period.0));
         let swell = 1.0 + self.strength.0 * noise(self.seed, 0, at);
         let turn = self.turn.map_or(0.0, |turn| turn.0) * noise(self.seed, 1, at);
-        Quat::from_rotation_y(turn.to_radians()) * velocity * swell
+        Quat::from_axis_angle(up.turn(Vec3::Y), turn.to_radians()) * velocity * swell
     }
 }
 

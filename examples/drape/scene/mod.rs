@@ -162,7 +162,7 @@ impl Scene {
             ..Attributes::default()
         };
         match &self.wind {
-            Some(wind) => wind.blow(halfway, attributes),
+            Some(wind) => wind.blow(halfway, self.look.up, attributes),
             None => attributes,
         }
     }
