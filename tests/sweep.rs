@@ -270,6 +270,31 @@ fn a_difference_is_named_with_its_reason() {
     }
 }
 
+/// A variant reads its files again for the receipt, which a pipe does not give twice: the cloth's, a body's and its start's.
+#[cfg(target_os = "linux")]
+#[test]
+fn nothing_comes_through_a_pipe() {
+    use std::io::Write;
+    use std::process::Stdio;
+
+    let directory = sweep(1);
+    let path = directory.path().join("s.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    let refuses = |scene: &str, arguments: &[&str]| {
+        fs::write(&path, scene).unwrap();
+        let mut command = drape(&directory, &["--scene", "s.toml", "--variant", "1", "--frames", "2", "--quiet"]);
+        command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        // It may have ended before it is told anything.
+        _ = child.stdin.take().unwrap().write_all(b"v 0 -1 0\nv 1 -1 0\nv 1 -1 1\nf 1 2 3\n");
+        fails(&child.wait_with_output().unwrap(), 2, &["/dev/stdin", "it is a pipe", "give a file"]);
+    };
+    let body = "[[collider]]\nshape = \"mesh\"\nmesh";
+    refuses(&text, &["--body", "/dev/stdin"]);
+    refuses(&format!("{text}{body} = \"/dev/stdin\"\n"), &[]);
+    refuses(&format!("{text}{body} = \"sheet.obj\"\nstart = \"/dev/stdin\"\n"), &["--preroll", "0.1"]);
+}
+
 #[test]
 fn what_cannot_be_varied_is_refused() {
     let scene = |vary: &str| format!("{vary}\n[[cloth]]\ngrid = {{ columns = 3, rows = 3, width = 1, height = 1 }}\n");

@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use toml::{Table, Value};
+use toml::{Spanned, Table, Value};
 
 use crate::Failure;
 use crate::arguments::Arguments;
@@ -15,8 +15,8 @@ use crate::output::Outputs;
 use crate::overrides::overriding;
 use crate::play::play;
 use crate::receipt::{self, Figures, Inputs, Receipt, hash, input_files, lanes};
-use crate::scene::Scene;
 use crate::scene::file::{File, Source, Vary};
+use crate::scene::{Scene, replacing};
 
 /// Most variants of a sweep.
 const MOST: u64 = 1_000_000;
@@ -297,10 +297,13 @@ fn failed(path: &Path, error: std::io::Error) -> Failure {
 /// Checks that the meshes can be read again: each variant reads them, and its receipt has their hashes.
 fn check_files(arguments: &Arguments, source: &Source, file: &File) -> Result<(), Failure> {
     let of_cloths = file.cloth.iter().filter_map(|cloth| cloth.get_ref().mesh.as_ref());
-    let of_colliders = file.collider.iter().filter_map(|collider| collider.get_ref().mesh.as_ref());
+    let colliders = file.collider.iter().map(Spanned::get_ref);
+    let read = colliders.filter(|collider| replacing(arguments, collider.shape).is_none());
+    let of_colliders = read.flat_map(|collider| collider.mesh.iter().chain(&collider.start));
     let in_scene = of_cloths.chain(of_colliders).map(|mesh| source.beside(mesh.get_ref()));
+    let given = arguments.mesh.iter().chain(&arguments.body).cloned();
     let is_pipe = |path: &PathBuf| fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir());
     let message =
         |path: PathBuf| format!("{}: it is a pipe, and each variant reads its meshes again; give a file", path.display());
-    arguments.mesh.iter().cloned().chain(in_scene).find(is_pipe).map_or(Ok(()), |path| Err(Failure::input(message(path))))
+    given.chain(in_scene).find(is_pipe).map_or(Ok(()), |path| Err(Failure::input(message(path))))
 }
