@@ -84,6 +84,15 @@ fn forms_that_cannot_be_are_refused() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
+/// Before there are any samples that would be lost.
+#[test]
+fn a_directory_is_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let refusal = PointCache::create(folder.path(), 4, 2).unwrap_err().to_string();
+    assert!(refusal.contains("cannot be written: is a directory"), "{refusal}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 #[test]
 fn a_pc2_is_read_in_any_order() {
     let folder = tempfile::tempdir().unwrap();

@@ -9,7 +9,7 @@ use cloth_deformer::{CacheForm, Mesh, ObjTemplate, PointCache, PointCacheError, 
 use crate::{
     Failure,
     arguments::Format,
-    output::{Outputs, frame_name, frame_number},
+    output::{self, Outputs, frame_name, frame_number},
 };
 
 /// The files that frames are written to.
@@ -73,6 +73,7 @@ impl<'a> Frames<'a> {
                 }
                 Format::Obj | Format::Pc2 => CacheForm::Pc2,
             };
+            output::check(&path).map_err(|failure| failure.of(option))?;
             let cache = PointCache::create_as(form, &path, mesh.positions.len(), outputs.frames as usize);
             caches.push((option, cache.map_err(|error| failed(option, &error))?));
         }

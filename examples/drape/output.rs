@@ -53,16 +53,7 @@ pub(crate) struct Output {
 impl Output {
     /// Fails now if the file could not be written later.
     pub(crate) fn reserve(path: &Path) -> Result<Output, Failure> {
-        if path.file_name().is_none() {
-            return Err(unwritable(path, "the path is empty, or ends in a directory"));
-        }
-        if path.is_dir() {
-            return Err(unwritable(path, "it is a directory"));
-        }
-        // Replacing a file needs no permission to write to it. Checking for that permission respects a read-only file.
-        if path.is_file() {
-            OpenOptions::new().append(true).open(path).map_err(|error| unwritable(path, error))?;
-        }
+        check(path)?;
         let file = AtomicFile::create(path).map_err(|error| unwritable(path, error))?;
         Ok(Output { path: path.to_owned(), file })
     }
@@ -72,6 +63,21 @@ impl Output {
         let written = self.file.write_all(bytes).and_then(|()| self.file.finish());
         written.map_err(|error| unwritable(&self.path, error))
     }
+}
+
+/// Fails if a file at this path could not be replaced.
+pub(crate) fn check(path: &Path) -> Result<(), Failure> {
+    if path.file_name().is_none() {
+        return Err(unwritable(path, "the path is empty, or ends in a directory"));
+    }
+    if path.is_dir() {
+        return Err(unwritable(path, "it is a directory"));
+    }
+    // Replacing a file needs no permission to write to it. Checking for that permission respects a read-only file.
+    if path.is_file() {
+        OpenOptions::new().append(true).open(path).map_err(|error| unwritable(path, error))?;
+    }
+    Ok(())
 }
 
 fn unwritable(path: &Path, why: impl Display) -> Failure {

@@ -40,7 +40,10 @@ impl AtomicFile {
         // A symbolic link is followed, not replaced. A path that does not resolve is used as given.
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
         let existing = fs::metadata(&target).ok();
-        if existing.as_ref().is_some_and(|found| !found.is_file() && !found.is_dir()) {
+        if existing.as_ref().is_some_and(fs::Metadata::is_dir) {
+            return Err(io::ErrorKind::IsADirectory.into());
+        }
+        if existing.as_ref().is_some_and(|found| !found.is_file()) {
             // A pipe or a device must not be replaced by a file.
             let file = OpenOptions::new().write(true).open(&target)?;
             return Ok(AtomicFile { file: Some(BufWriter::new(file)), replacement: None });
