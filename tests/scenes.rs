@@ -581,6 +581,16 @@ fn a_scene_is_tuned() {
 /// A body from files lifts the cloth, with the same result from the command line and from a scene; its files are not
 /// overwritten.
 #[test]
+fn what_is_replaced_is_not_read() {
+    let directory = TempDir::new().unwrap();
+    Mesh::grid(3, 3, 1.0, 1.0).save_obj(directory.path().join("body.obj")).unwrap();
+    let text = format!("{SHEET}\n[[collider]]\nshape = \"mesh\"\nmesh = \"missing.obj\"\n");
+    fs::write(directory.path().join("s.toml"), text).unwrap();
+    fails(&run(&directory, &["--scene", "s.toml", "--frames", "2"]), 2, &["s.toml:", "missing.obj"]);
+    succeeds(&run(&directory, &["--scene", "s.toml", "--frames", "2", "--body", "body.obj"]));
+}
+
+#[test]
 fn a_body_comes_from_numbered_files() {
     let directory = TempDir::new().unwrap();
     let write = |name: &str, height: f32, turn: bool| {

@@ -263,15 +263,15 @@ pub(super) fn colliders(
     let (mut all, mut under) = (Vec::new(), None);
     if let Some((source, file)) = scene {
         for (number, given) in file.collider.iter().enumerate() {
-            let moving = Moving::read(arguments, source, number + 1, given, timeline, up)?;
-            if let Some(id) = moving.id
+            if let Some(id) = given.get_ref().id
                 && let Some(earlier) = file.collider[..number].iter().find(|earlier| earlier.get_ref().id == Some(id))
             {
                 let other = earlier.get_ref().name.as_deref().unwrap_or("another collider");
                 return Err(source.wrong_in(given, format_args!("id = {id} is that of {other}; give each its own")));
             }
+            // What is replaced is not read: its files may not be there.
             if replacing(arguments, given.get_ref().shape).is_none() {
-                all.push(moving);
+                all.push(Moving::read(arguments, source, number + 1, given, timeline, up)?);
             }
         }
     } else {
