@@ -670,8 +670,9 @@ fn two_outputs_never_share_a_file() {
         assert_eq!(names(&directory), before, "{arguments:?}");
         assert_eq!(names(directory.path().join("frames")), set(["frame_0001.obj"]), "{arguments:?}");
     }
-    // A name beyond the last frame is free.
+    // A name beyond the last frame is free, and so is that of any frame that is not written.
     succeeds(&run(&directory, &["--frames", "2", "--report", "frames/frame_0003.obj"]));
+    succeeds(&run(&directory, &["frames/frame_0001.obj", "--frames", "2", "--format", "pc2"]));
 }
 
 #[cfg(unix)]

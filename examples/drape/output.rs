@@ -110,7 +110,7 @@ pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
     let caches = formats.iter().filter_map(|&format| cache_name(format));
     let written = named.chain(caches.map(|name| ("--format", resolved(&folder.join(name)))));
     let files: Vec<(&str, PathBuf)> = read.iter().cloned().chain(written).collect();
-    let frames = Frames::new(outputs);
+    let frames = outputs.writes(Format::Obj).then(|| Frames::new(outputs));
     for (k, (name, path)) in files.iter().enumerate() {
         let shown = path.display();
         // Two cloths may use the same mesh.
@@ -120,7 +120,7 @@ pub(crate) fn check_apart(outputs: &Outputs) -> Result<(), Failure> {
         if let Some((other, _)) = earlier.iter().find(|(other, earlier)| earlier == path && !may_be_same(other)) {
             return Err(Failure::input(format_args!("{other} and {name} name the same file, {shown}; give each its own")));
         }
-        if let Some(frame) = frames.number_of(path) {
+        if let Some(frame) = frames.as_ref().and_then(|frames| frames.number_of(path)) {
             let message = format_args!("{name} and frame {frame} of --out name the same file, {shown}; give each its own");
             return Err(Failure::input(message));
         }
