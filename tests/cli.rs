@@ -521,6 +521,53 @@ fn a_point_cache_has_every_frame() {
     }
 }
 
+/// The sphere and the floor of the towel have its scale: it falls as far as its height.
+#[test]
+fn the_default_colliders_have_the_towel_s_scale() {
+    let directory = TempDir::new().unwrap();
+    succeeds(&run(&directory, &["--scale", "0.1", "--no-sphere", "--frames", "31", "--quiet"]));
+    let towel = Mesh::load_obj(directory.path().join("frames/frame_0031.obj")).unwrap();
+    let lowest = towel.positions.iter().map(|x| x.y).fold(f32::MAX, f32::min);
+    assert!(lowest.abs() < 1e-3, "it lies {lowest} m above the floor");
+}
+
+/// Point caches that could not be written are refused before anything is simulated, as other outputs are.
+#[cfg(unix)]
+#[test]
+fn a_point_cache_that_cannot_be_written_is_refused_at_once() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let directory = TempDir::new().unwrap();
+    let path = |name: &str| directory.path().join(name);
+    fs::create_dir_all(path("frames/cloth.mdd")).unwrap();
+    fs::create_dir(path("cache")).unwrap();
+    let refuses = |arguments: &[&str], words: &[&str]| {
+        fails(&run(&directory, arguments), 2, words);
+        assert_eq!(names(path("frames")), set(["cloth.mdd"]), "nothing was written");
+    };
+    refuses(&["--frames", "2", "--pc2", "cache"], &["--pc2", "cache", "it is a directory", "name a file"]);
+    refuses(&["--frames", "2", "--format", "obj,mdd"], &["--format", "cloth.mdd", "it is a directory"]);
+    fs::write(path("kept"), "kept").unwrap();
+    fs::set_permissions(path("kept"), fs::Permissions::from_mode(0o444)).unwrap();
+    // Not for the superuser, who may write to it.
+    if fs::OpenOptions::new().append(true).open(path("kept")).is_err() {
+        refuses(&["--frames", "2", "--pc2", "kept"], &["--pc2", "kept", "name a file"]);
+    }
+    assert_eq!(fs::read_to_string(path("kept")).unwrap(), "kept");
+}
+
+/// The header of an MDD has a number for each frame, and there may be more frames than memory.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_cache_of_many_frames_takes_no_memory() {
+    let directory = TempDir::new().unwrap();
+    fs::create_dir(directory.path().join("frames")).unwrap();
+    std::os::unix::fs::symlink("/dev/full", directory.path().join("frames/cloth.mdd")).unwrap();
+    let limited = "ulimit -v 4000000; exec \"$0\" --backend cpu --frames 2000000000 --format mdd";
+    let output = Command::new("sh").args(["-c", limited]).arg(program::path()).current_dir(&directory).output().unwrap();
+    fails(&output, 2, &["--format", "cloth.mdd", "space left"]);
+}
+
 #[test]
 fn springs_past_their_limit_are_unstable() {
     let directory = TempDir::new().unwrap();

@@ -139,7 +139,8 @@ pub(crate) struct Arguments {
     pub(crate) pin: Option<Pin>,
 
     /// A sphere: center and radius; may be repeated. Without a sphere, a capsule, a box or a body, there is a sphere
-    /// below the mesh: its top is lower by 0.1 of the mesh's largest extent, and its radius is 0.3 of that extent
+    /// below the mesh: its top is lower by 0.1 of the mesh's largest extent, and its radius is 0.3 of that extent; of
+    /// 1 m for the towel, times --scale
     #[arg(long, value_name = "X,Y,Z,R", value_parser = ball, conflicts_with = "no_sphere", allow_hyphen_values = true)]
     pub(crate) sphere: Vec<Collider>,
 
@@ -164,7 +165,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     pub(crate) no_sphere: bool,
 
-    /// Height of the floor [default, without a plane: 0.7 of the mesh's largest extent below the mesh]
+    /// Height of the floor [default, without a plane: 0.7 of the mesh's largest extent below the mesh; of 1 m for the
+    /// towel, times --scale]
     #[arg(long, value_name = "Y", value_parser = finite, conflicts_with = "no_floor", allow_hyphen_values = true)]
     pub(crate) floor: Option<f32>,
 

@@ -300,7 +300,7 @@ fn usual(arguments: &Arguments, mesh: &Mesh, up: UpAxis) -> [Collider; 2] {
     let (low, high) = bounds(mesh);
     let extent = (high - low).max_element();
     // A mesh of a single point has no size to go by.
-    let size = if extent > 0.0 && arguments.mesh.is_some() { extent } else { 1.0 };
+    let size = if extent > 0.0 && arguments.mesh.is_some() { extent } else { arguments.scale.unwrap_or(1.0) };
     let (above, middle) = (up.turn(Vec3::Y), 0.5 * (low + high));
     let ground = low.dot(above) - 0.7 * size;
     let center = middle - above * middle.dot(above) + above * (ground + 0.3 * size);
