@@ -125,6 +125,23 @@ fn smooth_keys_do_not_jerk() {
     assert!(jerks[0] < 0.1 * jerks[1], "{jerks:?}");
 }
 
+/// Smooth keys may be so close to each other that single precision does not tell them apart.
+#[test]
+fn smooth_keys_may_be_close() {
+    for next in ["0.1000000000000001", "0.2"] {
+        let first = if next == "0.2" { "1e-300" } else { "0.1" };
+        let keys = format!(
+            "{{ time = {first}, value = [0, 0, 0] }}, {{ time = {next}, value = [0, 0.5, 0] }}, {{ time = 0.3, value = [0, 0.6, 0] }}"
+        );
+        let keys = if next == "0.2" { format!("{{ time = 0, value = [0, 0, 0] }}, {keys}") } else { keys };
+        let pin = format!("[[cloth.pin]]\nrule = \"top\"\nmove = {{ smooth = true, keys = [{keys}] }}\n");
+        let (directory, output) = scene(&(SHEET.to_owned() + &pin), &[]);
+        succeeds(&output);
+        let heights: Vec<f32> = (1..31).map(|number| frame(&directory, number)[0].y).collect();
+        assert!(heights.iter().all(|height| (0.0..=0.6).contains(height)) && heights[20] > 0.59, "{heights:?}");
+    }
+}
+
 /// A table lifts what lies on it from frame to frame.
 #[test]
 fn colliders_go_where_their_keys_say() {

@@ -7,6 +7,9 @@ use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAcce
 use super::timeline::Moment;
 use super::values::{Value, checked, maybe, plain};
 
+/// Keys are taken to be at least so far apart (s) in the slopes of smooth curves, which are then finite.
+const SHORTEST: f64 = 1e-100;
+
 /// A value, or key frames of it.
 ///
 /// Written as `value`, as `[{ time = 0, value = .. }, { time = 1.5, value = .. }]`, or, for a loop, as
@@ -76,17 +79,18 @@ impl<T: Value> Animated<T> {
     /// key, and stays between its ends.
     fn curve(&self, last: usize, share: f32) -> T {
         let intervals = [self.before(last), Some(last), self.after(last)];
-        let width = |key: usize| (self.keys[key + 1].time.0 - self.keys[key].time.0) as f32;
+        let width = |key: usize| (self.keys[key + 1].time.0 - self.keys[key].time.0).max(SHORTEST);
         let widths = intervals.map(|interval| width(interval.unwrap_or(last)));
         let [[a, b], [c, d], [e, f]] = intervals
             .map(|interval| interval.map_or([self.keys[last].value; 2], |key| [self.keys[key].value, self.keys[key + 1].value]));
-        T::each([a, b, c, d, e, f], |[a, b, from, to, e, f]| {
+        T::each([a, b, c, d, e, f], |values| {
+            let [a, b, from, to, e, f] = values.map(f64::from);
             let [before, mean, after] = [(b - a) / widths[0], (to - from) / widths[1], (f - e) / widths[2]];
             let slopes = [slope([before, mean], [widths[0], widths[1]]), slope([mean, after], [widths[1], widths[2]])];
             let [start, end] = slopes.map(|slope| slope * widths[1]);
-            let (s, t) = (share, 1.0 - share);
+            let (s, t) = (f64::from(share), 1.0 - f64::from(share));
             let value = t * t * (from + s * (2.0 * from + start)) + s * s * (to + t * (2.0 * to - end));
-            value.clamp(from.min(to), from.max(to))
+            value.clamp(from.min(to), from.max(to)) as f32
         })
     }
 
@@ -159,7 +163,7 @@ impl<T: Value> Animated<T> {
 
 /// The slope at a key, between intervals with these mean slopes and widths, of a curve that is as monotonic as the keys (Fritsch and
 /// Butland 1984).
-fn slope([before, after]: [f32; 2], [width, next_width]: [f32; 2]) -> f32 {
+fn slope([before, after]: [f64; 2], [width, next_width]: [f64; 2]) -> f64 {
     if before * after <= 0.0 {
         return 0.0;
     }
