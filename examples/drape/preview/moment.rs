@@ -6,7 +6,7 @@ use cloth_deformer::{Collider, Mesh, Shape};
 use super::mesh::{bounds, interpolate, longest_edge, normal, vertex_normals};
 use super::shade::{Reach, SOLID, Sky, backdrop, checker, smoothstep, srgb};
 use super::shapes::{collider_normal, corners, shrunk, trace};
-use super::view::{Frame, rasterise};
+use super::view::{Frame, rasterize};
 use super::{Cell, Look};
 
 /// Samples per pixel in each direction.
@@ -131,7 +131,7 @@ impl Moment<'_> {
             for (place, &triangle) in mesh.triangles.iter().enumerate() {
                 for corners in frame.in_front(triangle.map(|vertex| mesh.positions[vertex as usize])) {
                     let corners = corners.map(|corner| frame.project(corner, width, height));
-                    rasterise(corners, width, height, |index, nearness| {
+                    rasterize(corners, width, height, |index, nearness| {
                         samples[index] = samples[index].or(Sample { nearness, thing: Thing::Body(number, place) });
                     });
                 }
@@ -139,7 +139,7 @@ impl Moment<'_> {
         }
         for (number, &triangle) in self.stage.triangles.iter().enumerate() {
             let corners = triangle.map(|vertex| frame.project(self.positions[vertex as usize], width, height));
-            rasterise(corners, width, height, |index, nearness| {
+            rasterize(corners, width, height, |index, nearness| {
                 samples[index] = samples[index].or(Sample { nearness, thing: Thing::Triangle(number) });
             });
         }

@@ -106,7 +106,7 @@ impl Frame {
 }
 
 /// Calls `fill(index, nearness)` for every sample whose center the triangle covers, whatever its orientation.
-pub(super) fn rasterise([a, b, c]: [Vec3; 3], width: usize, height: usize, mut fill: impl FnMut(usize, f32)) {
+pub(super) fn rasterize([a, b, c]: [Vec3; 3], width: usize, height: usize, mut fill: impl FnMut(usize, f32)) {
     let area = (b - a).xy().perp_dot((c - a).xy());
     // Not `area == 0.0`, to exclude NaN and infinity as well.
     if !(area.abs() > 0.0 && area.is_finite()) {

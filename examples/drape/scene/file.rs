@@ -150,7 +150,7 @@ pub(crate) struct Cloth {
     pub(crate) name: Option<String>,
     /// An OBJ file.
     pub(crate) mesh: Option<Spanned<PathBuf>>,
-    /// A flat sheet in the plane y = 0, centered on the origin.
+    /// A flat sheet in the horizontal plane through the origin, centered on it.
     pub(crate) grid: Option<Spanned<Grid>>,
     /// Factor on its coordinates. 1.
     pub(crate) scale: Option<Positive>,
@@ -183,10 +183,10 @@ pub(crate) struct Cloth {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table of columns, rows, width and height")]
 pub(crate) struct Grid {
-    /// Vertices along x and along z.
+    /// Vertices along x and along z, or along y if z is up.
     pub(crate) columns: Whole<0>,
     pub(crate) rows: Whole<0>,
-    /// Length along x and along z (m).
+    /// Length along x and along z, or along y if z is up (m).
     pub(crate) width: Positive,
     pub(crate) height: Positive,
 }
@@ -217,7 +217,7 @@ struct FabricNumbers {
 pub(crate) struct Pin {
     /// Name in error messages. Its number.
     pub(crate) name: Option<String>,
-    /// "top": the highest vertices, or the side of lowest z of a horizontal cloth; "corners": the four nearest to its
+    /// "top": the highest vertices, or the far side of a horizontal cloth, of lowest z, or of highest y if z is up; "corners": the four nearest to its
     /// corners.
     pub(crate) rule: Option<Rule>,
     /// Vertex numbers from 0, in the order of the cloth's own file.
@@ -277,7 +277,8 @@ pub(crate) struct Collider {
     pub(crate) radius: Option<Animated<NotNegative>>,
     /// A point on a plane (m).
     pub(crate) point: Option<Animated<Vec3>>,
-    /// Normal of a plane, pointing out of the solid; any length but 0. [0, 1, 0].
+    /// Normal of a plane, pointing out of the solid; any length but 0. Up: [0, 1, 0], or [0, 0, 1] if z is
+    /// up.
     pub(crate) normal: Option<Animated<Vec3>>,
     /// The ends of a capsule's axis (m).
     pub(crate) a: Option<Animated<Vec3>>,
@@ -313,7 +314,8 @@ pub(crate) enum ShapeName {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default, expecting = "a table of from and begin")]
 pub(crate) struct Picture {
-    /// The direction from the scene toward the camera; any length but 0. [0.52, 0.5, 1].
+    /// The direction from the scene toward the camera; any length but 0. [0.52, 0.5, 1], or
+    /// [0.52, -1, 0.5] if z is up.
     #[serde(deserialize_with = "maybe")]
     pub(crate) from: Option<Direction>,
     /// The time (s) of the first frame in the animation. 0.

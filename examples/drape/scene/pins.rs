@@ -122,8 +122,7 @@ impl Group {
     }
 }
 
-/// Vertices of an OBJ that have a color: `v x y z r g b`, or with one more number, a weight before the color or an
-/// opacity after it. Its text comes from the template, since a pipe can be read only once.
+/// Vertices of an OBJ that have a color: `v x y z r g b`, or with one more number, an opacity after it. Its text comes from the template, since a pipe can be read only once.
 fn colored(obj: &ObjTemplate, color: Vec3) -> Result<Vec<u32>, Failure> {
     let text = obj.write(&obj.mesh().positions).map_err(Failure::input)?;
     let text = String::from_utf8_lossy(&text);
