@@ -264,10 +264,56 @@ fn a_difference_is_named_with_its_reason() {
     contains(&diff("a/variant_0003", "b/variant_0003", 1), &["frame 4: vertex 17", "no receipts"]);
     fs::remove_file(directory.path().join("b/variant_0004/frame_0006.obj")).unwrap();
     contains(&diff("a/variant_0004", "b/variant_0004", 1), &["frame 6", "only a/variant_0004"]);
-    for (a, b, word) in [("a", "b", "no frames"), ("missing", "a/variant_0001", "check the path")] {
+    let file = "a/variant_0001/frame_0001.obj";
+    for (a, b, word) in [
+        ("a", "b", "no OBJ frames"),
+        ("missing", "a/variant_0001", "check the path"),
+        (file, "a/variant_0001", "give the folders of two runs"),
+    ] {
         let output = std::process::Command::new(program::path()).current_dir(&directory).args(["diff", a, b]).output().unwrap();
         fails(&output, 2, &[a, word]);
     }
+}
+
+/// Frames with the same positions may differ in the rest of their text. Their numbers may be as far apart as they like.
+#[test]
+fn a_difference_in_anything_else_is_named_by_its_line() {
+    let directory = TempDir::new().unwrap();
+    let text =
+        "o sheet\nv 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt 0 0\nvn 0 1 0\ng left\nf 1/1/1 2/1/1 3/1/1\nf 1/1/1 3/1/1 4/1/1\n";
+    let write = |folder: &str, text: &str| {
+        let folder = directory.path().join(folder);
+        fs::create_dir_all(&folder).unwrap();
+        ["frame_0001.obj", "frame_4294967295.obj"].iter().for_each(|name| fs::write(folder.join(name), text).unwrap());
+    };
+    write("a", text);
+    let diff = |to: &str| {
+        write("b", to);
+        let output = drape_diff(&directory, "a", "b");
+        (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    };
+    assert_eq!(diff(text), (Some(0), String::new()));
+    assert_eq!(diff(&text.replace("vt 0 0", "vt 0.0 0  # a comment\n")), (Some(0), String::new()));
+    let quad = "f 1/1/1 2/1/1 3/1/1 4/1/1";
+    for (from, to, words) in [
+        ("vt 0 0", "vt 0.5 0", ["line 6 is `vt 0 0`", "`vt 0.5 0`"]),
+        ("vn 0 1 0", "vn 0 -1 0", ["line 7", "`vn 0 -1 0`"]),
+        ("g left", "g right", ["line 8", "`g right`"]),
+        ("f 1/1/1 2/1/1 3/1/1\nf 1/1/1 3/1/1 4/1/1", quad, ["line 9", quad]),
+        ("4/1/1\n", "4/1/1\ng end\n", ["line 11 is `g end`", "only one"]),
+    ] {
+        let (code, said) = diff(&text.replace(from, to));
+        assert_eq!(code, Some(1), "{to}");
+        assert!(said.starts_with("frame 1: ") && words.iter().all(|word| said.contains(word)), "{said}");
+    }
+    write("b", text);
+    fs::write(directory.path().join("b/frame_0777.obj"), text).unwrap();
+    let said = String::from_utf8(drape_diff(&directory, "a", "b").stdout).unwrap();
+    assert!(said.contains("frame 777: only b has this frame"), "{said}");
+}
+
+fn drape_diff(directory: &TempDir, a: &str, b: &str) -> std::process::Output {
+    std::process::Command::new(program::path()).current_dir(directory).args(["diff", a, b]).output().unwrap()
 }
 
 /// A variant reads its files again for the receipt, which a pipe does not give twice: the cloth's, a body's and its start's.

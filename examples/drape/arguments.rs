@@ -236,12 +236,12 @@ pub(crate) struct Arguments {
 /// Other tasks of the program.
 #[derive(Debug, Clone, Subcommand)]
 pub(crate) enum Task {
-    /// Prints the first frame and vertex in which two runs differ, and why; the exit code is 0 if they are equal, 1 if
-    /// not
+    /// Compares the OBJ frames of two runs, positions first: prints the first frame and vertex in which they differ, or
+    /// else the first line, and why; the exit code is 0 if they are equal, 1 if not
     Diff {
-        /// Folder with the frames of one run
+        /// Folder with the OBJ frames of one run, `frame_0001.obj` and so on
         a: PathBuf,
-        /// Folder of the frames of the other
+        /// Folder with those of the other
         b: PathBuf,
     },
 }

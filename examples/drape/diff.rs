@@ -1,5 +1,7 @@
-//! `drape diff A B`: the first frame and vertex in which two runs differ, and why.
+//! `drape diff A B`: the first frame and vertex in which two runs differ, and why. It compares the frames that are OBJ files, of which
+//! positions and faces, then the rest of their text.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::{fs, iter};
 
@@ -12,13 +14,11 @@ use crate::receipt::{Inputs, Receipt};
 
 /// Prints the first difference between two runs. The failure returned in that case has no message.
 pub(crate) fn diff(a: &Path, b: &Path) -> Result<(), Failure> {
-    let [last_a, last_b] = [last_frame(a)?, last_frame(b)?];
-    for frame in 1..=last_a.max(last_b) {
-        let [x, y] = [read(a, frame)?, read(b, frame)?];
-        let found = match (x, y) {
-            (Some(x), Some(y)) => first_difference(&x, &y),
-            (None, None) => None,
-            (found, _) => Some(format!("only {} has this frame", if found.is_some() { a } else { b }.display())),
+    let [of_a, of_b] = [frames(a)?, frames(b)?];
+    for frame in of_a.union(&of_b) {
+        let found = match (of_a.contains(frame), of_b.contains(frame)) {
+            (true, true) => between(&a.join(frame_name(*frame)), &b.join(frame_name(*frame)))?,
+            (is_in_a, _) => Some(format!("only {} has this frame", if is_in_a { a } else { b }.display())),
         };
         if let Some(found) = found {
             say(&format!("frame {frame}: {found}; {}", why(a, b)));
@@ -28,19 +28,62 @@ pub(crate) fn diff(a: &Path, b: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The number of the last frame in a folder.
-fn last_frame(folder: &Path) -> Result<u32, Failure> {
-    let unread = |error| Failure::input(format_args!("{}: cannot be read: {error}; check the path", folder.display()));
-    let entries = fs::read_dir(folder).map_err(unread)?;
-    let frames = entries.flatten().filter_map(|entry| frame_number(entry.file_name().to_str()?));
-    let none = || Failure::input(format_args!("{}: no frames, frame_0001.obj and so on", folder.display()));
-    frames.max().ok_or_else(none)
+/// The numbers of the frames in a folder.
+fn frames(folder: &Path) -> Result<BTreeSet<u32>, Failure> {
+    let refuse = |why: String| Failure::input(format_args!("{}: {why}", folder.display()));
+    if folder.is_file() {
+        return Err(refuse("is a file; give the folders of two runs, whose OBJ frames are compared".to_owned()));
+    }
+    let entries = fs::read_dir(folder).map_err(|error| refuse(format!("cannot be read: {error}; check the path")))?;
+    let frames: BTreeSet<u32> = entries.flatten().filter_map(|entry| frame_number(entry.file_name().to_str()?)).collect();
+    if frames.is_empty() {
+        return Err(refuse(
+            "has no OBJ frames, frame_0001.obj and so on, which are compared; write them with --format obj".to_owned(),
+        ));
+    }
+    Ok(frames)
 }
 
-/// A frame, or `None` if the file does not exist.
-fn read(folder: &Path, frame: u32) -> Result<Option<Mesh>, Failure> {
-    let path = folder.join(frame_name(frame));
-    if path.exists() { Mesh::load_obj(path).map(Some).map_err(Failure::input) } else { Ok(None) }
+/// The first difference between two files, if any.
+fn between(a: &Path, b: &Path) -> Result<Option<String>, Failure> {
+    let read = |path: &Path| {
+        fs::read(path)
+            .map_err(|error| Failure::input(format_args!("{}: cannot be read: {error}; check the path", path.display())))
+    };
+    let [one, other] = [read(a)?, read(b)?];
+    if one == other {
+        return Ok(None);
+    }
+    let [x, y] = [a, b].map(|path| Mesh::load_obj(path).map_err(Failure::input));
+    let [one, other] = [one, other].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    Ok(first_difference(&x?, &y?).or_else(|| first_other_line(&one, &other)))
+}
+
+/// The first line that differs by more than its comment or the spelling of its numbers, if any.
+fn first_other_line(one: &str, other: &str) -> Option<String> {
+    let [mut one, mut other] = [statements(one), statements(other)];
+    loop {
+        let shown = |(number, line): (usize, &str)| format!("line {number} is `{line}`");
+        return match (one.next(), other.next()) {
+            (None, None) => None,
+            (Some((_, x)), Some((_, y))) if are_same(x, y) => continue,
+            (Some(x), Some(y)) => Some(format!("{} and {}", shown(x), shown(y))),
+            (Some(line), None) | (None, Some(line)) => Some(format!("{}, which only one of the files has", shown(line))),
+        };
+    }
+}
+
+/// The lines of an OBJ that are not empty, with their numbers and without comments.
+fn statements(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let bare = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    (1..).zip(bare).filter(|(_, line)| !line.is_empty())
+}
+
+/// Whether two lines have the same words. Numbers may be spelled in different ways.
+fn are_same(x: &str, y: &str) -> bool {
+    let is_same = |(x, y): (&str, &str)| x == y || x.parse::<f32>().is_ok_and(|number| y.parse() == Ok(number));
+    let [count, others] = [x, y].map(|line| line.split_whitespace().count());
+    count == others && iter::zip(x.split_whitespace(), y.split_whitespace()).all(is_same)
 }
 
 /// The first difference between two meshes, if any.
