@@ -182,7 +182,18 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
 
     // Checked in the text, because a parser may sort.
     let keys = ["adapter", "backend", "method", "vertices", "edges", "colours", "frames"];
-    let row_keys = ["frame", "ms", "substeps", "mean_strain", "max_strain", "stretch_share", "energy", "penetration", "contacts"];
+    let row_keys = [
+        "frame",
+        "ms",
+        "substeps",
+        "mean_strain",
+        "max_strain",
+        "stretch_share",
+        "energy",
+        "penetration",
+        "contacts",
+        "warnings",
+    ];
     let places = |keys: &[&str], text: &str| -> Vec<usize> {
         keys.iter().map(|key| text.find(&format!("\"{key}\":")).unwrap_or_else(|| panic!("no {key} in {text}"))).collect()
     };
@@ -205,12 +216,42 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
         assert_eq!(row["frame"], index + 1);
         assert_eq!(row["substeps"], if index == 0 { 0 } else { 3 });
         // A value that is not finite would have become null.
-        for key in row_keys {
+        for key in &row_keys[..row_keys.len() - 1] {
             assert!(row[key].as_f64().is_some_and(f64::is_finite), "{key} of {row}");
         }
     }
     assert_eq!(rows[0]["ms"], 0.0);
     assert!(rows[1]["ms"].as_f64().unwrap() > 0.0);
+}
+
+/// A warning that is printed once is in the report of each frame, and a note tells the worst one.
+#[test]
+fn every_warning_is_in_the_report() {
+    let directory = TempDir::new().unwrap();
+    Mesh::grid(9, 9, 1.0, 1.0).save_obj(directory.path().join("m.obj")).unwrap();
+    // A wind that blows harder and harder.
+    let scene = "[[cloth]]\nmesh = \"m.obj\"\npin = [{ rule = \"top\" }]\n[quality]\nstrain = 0.001\n[wind]\n\
+                 velocity = [{ time = 0, value = [0, 0, 0] }, { time = 0.3, value = [0, 0, 900] }]\n";
+    fs::write(directory.path().join("s.toml"), scene).unwrap();
+    let output = run(&directory, &["--scene", "s.toml", "--frames", "20", "--preroll", "0.05", "--report", "r.json"]);
+    succeeds(&output);
+    let said = stderr(&output);
+    let report: Value = serde_json::from_slice(&fs::read(directory.path().join("r.json")).unwrap()).unwrap();
+    let stretched = |row: &Value| -> Option<f64> {
+        let texts = row["warnings"].as_array().unwrap().iter().map(|text| text.as_str().unwrap());
+        let text = texts.into_iter().find_map(|text| text.strip_prefix("the cloth was stretched by "))?;
+        Some(text.split(' ').next()?.parse().unwrap())
+    };
+    let rows: Vec<Option<f64>> = report["frames"].as_array().unwrap().iter().map(stretched).collect();
+    assert_eq!(said.matches("the cloth was stretched by ").count(), 1, "{said}");
+    let (worst, most) =
+        (1..).zip(&rows).filter_map(|(frame, row)| Some((frame, (*row)?))).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    let last = rows.iter().rposition(Option::is_some).unwrap() + 1;
+    let note = format!(
+        "note: the cloth was stretched beyond the bound in {} frames, most by {most:.1} % in frame {worst}, the last of them frame {last}",
+        rows.iter().flatten().count()
+    );
+    assert!(said.lines().any(|line| line == note), "no `{note}` in {said}");
 }
 
 /// The ground under the cloth reaches behind the camera: all around the cloth the picture shows it, in one color.

@@ -223,7 +223,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE.png")]
     pub(crate) animate: Option<PathBuf>,
 
-    /// Write measurements of every frame (JSON); "ms" is the time of the step alone, without measuring, reading back from
+    /// Write measurements and all warnings of every frame (JSON); "ms" is the time of the step alone, without measuring, reading back from
     /// a GPU and writing files
     #[arg(long, value_name = "FILE.json")]
     pub(crate) report: Option<PathBuf>,

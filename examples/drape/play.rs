@@ -2,6 +2,7 @@
 
 use std::{
     io::{self, IsTerminal},
+    mem,
     sync::atomic::{AtomicBool, Ordering},
     time::Instant,
 };
@@ -19,7 +20,7 @@ use crate::{
     report::{Frame, Report},
     save,
     scene::Scene,
-    warnings::{self, Warned, describe},
+    warnings::{self, Warned},
 };
 
 /// Most cells of the contact sheet.
@@ -49,17 +50,19 @@ pub(crate) fn play(
 
     let mut report = Report::new(&deformer, options.method, mesh);
     let (mut cells, mut moving): (Vec<Cell>, Vec<Cell>) = (Vec::new(), Vec::new());
-    let mut warned = Warned::default();
+    let mut warned = Warned::new(60.0 * dt, scene.untangle);
     // In this frame the cloth is the mesh: frame 1, or one before it if there is a preroll.
     let first = scene.timeline.first();
     // The forecast warns of what the scene asks too much of before the first frame.
     for warning in deformer.forecast(dt, &scene.attributes(first)).map_err(|error| Failure::step(first, &error))?.warnings {
-        warned.add(first, warning);
-        warn("warning", &describe(warning, 60.0 * dt, scene.untangle));
+        warned.add(first, warning).inspect(|line| warn("warning", line));
     }
     let resumed = save::resume(scene, &mut deformer)?;
     let done = resumed.as_ref().map(|saved| saved.frame);
-    report.frames.extend(resumed.into_iter().flat_map(|saved| saved.frames));
+    if let Some(saved) = resumed {
+        report.frames = saved.frames;
+        *warned.texts() = saved.warnings;
+    }
     if template.as_ref().is_some_and(cloth_deformer::ObjTemplate::shares_normals) {
         warn(
             "warning",
@@ -98,10 +101,9 @@ pub(crate) fn play(
             seconds = start.elapsed().as_secs_f64();
             counts = [done.substeps, done.contacts];
             let crosses = done.warnings.iter().any(warnings::is_of_crossings);
-            // Each kind only once, with its first frame: a limit exceeded in one is exceeded in most of the following.
-            for warning in done.warnings.into_iter().filter(|&warning| warned.add(frame, warning)) {
-                let line = format!("{}: {}", named(frame), describe(warning, 60.0 * dt, scene.untangle));
-                progress.suspend(|| warn("warning", &line));
+            // Each kind only once, with its first frame.
+            for line in done.warnings.into_iter().filter_map(|warning| warned.add(frame, warning)) {
+                progress.suspend(|| warn("warning", &format!("{}: {line}", named(frame))));
             }
             // Cloth that was pinched may hook on a body, and there may be room for it again.
             if scene.untangle && crosses && (frame - first) % scene.untangled_every() == 0 {
@@ -116,12 +118,13 @@ pub(crate) fn play(
             // the deformer.
             frames.write(frame, &shape)?;
             keep(frame, &shape);
-            report.frames.push(row(frame, seconds, counts, deformer.measure().map_err(failed)?)?);
+            let measure = deformer.measure().map_err(failed)?;
+            report.frames.push(row(frame, seconds, counts, measure, mem::take(warned.texts()))?);
         }
         progress.inc(1);
         let is_interrupted = interrupted.load(Ordering::Relaxed);
         let is_last = is_interrupted || frame == i64::from(outputs.frames);
-        save::save(scene, frame, is_last, &mut deformer, &report.frames)?;
+        save::save(scene, frame, is_last, &mut deformer, &report.frames, warned.texts())?;
         if is_interrupted {
             progress.finish_and_clear();
             let message = format_args!("interrupted: {} of {} frames written", frame.max(0), outputs.frames);
@@ -149,8 +152,8 @@ pub(crate) fn play(
 }
 
 /// The statistics of a frame.
-fn row(frame: u32, seconds: f64, counts: [u32; 2], measure: Measure) -> Result<Frame, Failure> {
-    Frame::new(frame, seconds, counts, measure).ok_or_else(|| {
+fn row(frame: u32, seconds: f64, counts: [u32; 2], measure: Measure, warnings: Vec<String>) -> Result<Frame, Failure> {
+    Frame::new(frame, seconds, counts, measure, warnings).ok_or_else(|| {
         // Springs beyond their limit grow for some frames before the first position overflows.
         let message = format_args!("frame {frame}: unstable: its energy left the finite numbers; take more --substeps");
         Failure::new(Failure::UNSTABLE, message)

@@ -42,12 +42,20 @@ pub(crate) struct Frame {
     pub(crate) penetration: f32,
     /// Pairs of features of the cloth that press on each other.
     pub(crate) contacts: u32,
+    /// The texts of all warnings of the step; those of the preroll are in the first frame, after the names of their own.
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Frame {
-    /// The row of a step that took this many seconds, substeps and contacts. `None` if a value is not finite: JSON
+    /// The row of a step that took this many seconds, substeps and contacts, with its warnings. `None` if a value is not finite: JSON
     /// cannot represent it, and it means that the cloth is unstable.
-    pub(crate) fn new(number: u32, seconds: f64, [substeps, contacts]: [u32; 2], measure: Measure) -> Option<Frame> {
+    pub(crate) fn new(
+        number: u32,
+        seconds: f64,
+        [substeps, contacts]: [u32; 2],
+        measure: Measure,
+        warnings: Vec<String>,
+    ) -> Option<Frame> {
         let Measure { mean_strain, max_strain, stretch_share, kinetic_energy, potential_energy, penetration, .. } = measure;
         let energy = kinetic_energy + potential_energy;
         let finite = energy.is_finite() && [mean_strain, max_strain, stretch_share, penetration].into_iter().all(f32::is_finite);
@@ -61,6 +69,7 @@ impl Frame {
             energy,
             penetration,
             contacts,
+            warnings,
         })
     }
 }

@@ -26,16 +26,25 @@ pub(crate) struct Saved {
     /// Text form of everything that acts on the cloth. A run cannot be resumed with another one.
     scene: String,
     pub(crate) frames: Vec<Frame>,
+    /// Texts of warnings of the preroll, for the first of the frames.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Saves the state of the run, if it is wanted after this frame.
-pub(crate) fn save(scene: &Scene, frame: i64, is_last: bool, deformer: &mut Deformer, frames: &[Frame]) -> Result<(), Failure> {
+pub(crate) fn save(
+    scene: &Scene,
+    frame: i64,
+    is_last: bool,
+    deformer: &mut Deformer,
+    frames: &[Frame],
+    warnings: &[String],
+) -> Result<(), Failure> {
     let outputs = &scene.outputs;
     let Some(path) = outputs.save.as_deref().filter(|_| is_last || frame % i64::from(outputs.every) == 0) else {
         return Ok(());
     };
     let snapshot = deformer.snapshot().map_err(|error| Failure::step(frame, &error))?;
-    let saved = Saved { frame, scene: scene.acts(frame), frames: frames.to_vec() };
+    let saved = Saved { frame, scene: scene.acts(frame), frames: frames.to_vec(), warnings: warnings.to_vec() };
     let mut bytes = serde_json::to_vec(&saved).map_err(|error| Failure::input(format_args!("--save: {error}")))?;
     bytes.extend(format!("\n{}\n", hash(&bytes)).bytes());
     bytes.extend(snapshot.to_bytes());

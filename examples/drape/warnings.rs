@@ -8,7 +8,7 @@ use crate::named;
 
 /// Formats a warning in terms of the command line, where colliders are numbered from 1 as in scenes, with what helps. `sixtieths` is the
 /// length of a step in units of 1/60 s, by which `--substeps` counts, and `untangles` says whether the run does that already.
-pub(crate) fn describe(mut warning: Warning, sixtieths: f32, untangles: bool) -> String {
+fn describe(mut warning: Warning, sixtieths: f32, untangles: bool) -> String {
     if let Warning::ColliderOutruns { collider, .. } | Warning::BodyCrossings { collider, .. } = &mut warning {
         *collider += 1;
     }
@@ -44,38 +44,72 @@ pub(crate) fn is_of_crossings(warning: &Warning) -> bool {
 }
 
 /// The warnings of a run by their kinds.
-#[derive(Default)]
 pub(crate) struct Warned {
+    /// As for [`describe`].
+    sixtieths: f32,
+    untangles: bool,
     kinds: Vec<Kind>,
+    /// The texts of those that are not in the report yet.
+    texts: Vec<String>,
 }
 
-/// A kind of warning: its first one, the last frame that had one, and how many frames had one.
+/// A kind of warning: its worst one with its frame, the last frame that had one, and how many frames had one.
 struct Kind {
-    first: Warning,
+    worst: (Warning, i64),
     last: i64,
     frames: u32,
 }
 
 impl Warned {
-    /// Adds a warning of a frame. Returns whether it is the first of its kind.
-    pub(crate) fn add(&mut self, frame: i64, warning: Warning) -> bool {
-        let is_same = |kind: &&mut Kind| mem::discriminant(&kind.first) == mem::discriminant(&warning);
-        let same = self.kinds.iter_mut().find(is_same);
-        let is_first = same.is_none();
-        match same {
-            Some(kind) => (kind.last, kind.frames) = (frame, kind.frames + 1),
-            None => self.kinds.push(Kind { first: warning, last: frame, frames: 1 }),
+    /// No warnings yet.
+    pub(crate) fn new(sixtieths: f32, untangles: bool) -> Warned {
+        Warned { sixtieths, untangles, kinds: Vec::new(), texts: Vec::new() }
+    }
+
+    /// Adds a warning of a frame. Returns its text if it is the first of its kind: a limit exceeded in one frame is exceeded in
+    /// most of the following.
+    pub(crate) fn add(&mut self, frame: i64, warning: Warning) -> Option<String> {
+        let text = describe(warning, self.sixtieths, self.untangles);
+        self.texts.push(if frame < 1 { format!("{}: {text}", named(frame)) } else { text.clone() });
+        let is_same = |kind: &&mut Kind| mem::discriminant(&kind.worst.0) == mem::discriminant(&warning);
+        let Some(kind) = self.kinds.iter_mut().find(is_same) else {
+            self.kinds.push(Kind { worst: (warning, frame), last: frame, frames: 1 });
+            return Some(text);
+        };
+        if amount(&warning).0 > amount(&kind.worst.0).0 {
+            kind.worst = (warning, frame);
         }
-        is_first
+        (kind.last, kind.frames) = (frame, kind.frames + 1);
+        None
+    }
+
+    /// The texts of the warnings for the next row of the report, with those of the preroll in the first.
+    pub(crate) fn texts(&mut self) -> &mut Vec<String> {
+        &mut self.texts
     }
 
     /// A line for each kind that there were several of, unless it is of something that does not change.
     pub(crate) fn repeated(&self) -> Vec<String> {
         let several = self.kinds.iter().filter(|kind| kind.frames > 1);
-        let line = |Kind { first, last, frames }: &Kind| {
-            Some(format!("{} in {frames} frames, the last of them {}", title(first)?, named(*last)))
+        let line = |Kind { worst: (worst, at), last, frames }: &Kind| {
+            let (title, (_, most)) = (title(worst)?, amount(worst));
+            Some(format!("{title} in {frames} frames, {most} in {}, the last of them {}", named(*at), named(*last)))
         };
         several.filter_map(line).collect()
+    }
+}
+
+/// How bad a warning is among those of its kind, as a number and in words.
+fn amount(warning: &Warning) -> (f64, String) {
+    match *warning {
+        Warning::Crossings { pairs, .. } | Warning::BodyCrossings { pairs, .. } => {
+            (pairs as f64, format!("most with {pairs} pairs"))
+        }
+        Warning::StrainMissed { stretch, .. } => (stretch.into(), format!("most by {:.1} %", 100.0 * stretch)),
+        Warning::PinOutruns { speed, .. } | Warning::ColliderOutruns { speed, .. } | Warning::ContactOutruns { speed, .. } => {
+            (speed.into(), format!("most with {speed:.1} m/s"))
+        }
+        _ => (0.0, String::new()),
     }
 }
 

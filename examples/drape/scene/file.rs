@@ -338,7 +338,7 @@ pub(crate) struct Output {
     pub(crate) preview: Option<PathBuf>,
     /// An animation of the run (animated PNG).
     pub(crate) animation: Option<PathBuf>,
-    /// Measurements of every frame (JSON).
+    /// Measurements and warnings of every frame (JSON).
     pub(crate) report: Option<PathBuf>,
 }
 
