@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::{
     Parser,
     builder::{PossibleValuesParser, TypedValueParser},
-    error::ErrorKind,
+    error::{ContextKind, ContextValue, ErrorKind},
 };
 use cloth_deformer::{BuildError, StepError};
 
@@ -70,18 +70,28 @@ pub(crate) fn run<Arguments: Parser>(program: impl FnOnce(&Arguments) -> Result<
             say(help.to_string().trim_end());
             Ok(())
         }
-        Err(error) => {
-            let text = error.to_string();
-            let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();
-            let text = text.trim_start_matches("error: ").replace("\n\n  tip:", "; tip:");
-            Err(Failure::input(format_args!("{text}; see --help")))
-        }
+        Err(error) => Err(refusal::<Arguments>(&error)),
     };
     let Err(Failure { code, message }) = done else { return ExitCode::SUCCESS };
     if !message.is_empty() {
         warn("error", &message);
     }
     ExitCode::from(code)
+}
+
+/// What is wrong with a command line, without the usage that clap adds.
+fn refusal<Arguments: Parser>(error: &clap::Error) -> Failure {
+    // What follows a mesh and is no option is a subcommand for clap.
+    if let (ErrorKind::ArgumentConflict, Some(ContextValue::String(extra))) =
+        (error.kind(), error.get(ContextKind::InvalidSubcommand))
+        && Arguments::command().find_subcommand(extra).is_none()
+    {
+        return Failure::input(format_args!("`{extra}` is one argument too many; give a single MESH.obj; see --help"));
+    }
+    let text = error.to_string();
+    let text = text.split("\n\nUsage:").next().unwrap_or(&text).split("\n\nFor more").next().unwrap_or_default();
+    let text = text.trim_start_matches("error: ").replace("\n\n  tip:", "; tip:");
+    Failure::input(format_args!("{text}; see --help"))
 }
 
 /// Prints a line to stdout. A closed pipe is ignored.

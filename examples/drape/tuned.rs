@@ -6,8 +6,11 @@ use crate::command::say;
 
 /// A tolerance such as `10mm` or `3%`.
 pub(crate) fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let number =
-        |text: &str| text.trim().parse::<f32>().map_err(|_| "give a distance such as 10mm, or a strain such as 3%".to_owned());
+    let number = |text: &str| match text.trim().parse::<f32>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        Ok(_) => Err("it must be finite and above 0; give a distance such as 10mm, or a strain such as 3%".to_owned()),
+        Err(_) => Err("give a distance such as 10mm, or a strain such as 3%".to_owned()),
+    };
     match (text.strip_suffix("mm"), text.strip_suffix('%')) {
         (Some(text), _) => number(text).map(Tolerance::Position),
         (None, Some(text)) => number(text).map(|percent| Tolerance::Strain(percent / 100.0)),
