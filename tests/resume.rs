@@ -105,8 +105,13 @@ fn only_the_same_run_is_resumed() {
     let more = "--frames 6 --quiet --resume run.save";
     fails(&directory, &format!("{more} --gravity 0,-1,0"), &["run.save", "gravity"]);
     fails(&directory, &format!("{more} --fps 30"), &["run.save", "frames a second"]);
-    fails(&directory, &format!("{more} --fabric silk"), &["run.save", "fabric differs"]);
-    fails(&directory, &format!("{more} --pin top"), &["run.save", "pinned differs"]);
+    fails(&directory, &format!("{more} --fabric silk"), &["run.save", "its fabric differs", "--fabric", "scene"]);
+    let bare = "--no-sphere --floor 0 --out bare --quiet";
+    succeeds(&directory, &format!("--frames 2 --save bare.save {bare}"));
+    let words = ["bare.save", "its mesh differs", "MESH.obj and --scale"];
+    fails(&directory, &format!("--frames 4 --resume bare.save --scale 0.5 {bare}"), &words);
+    fails(&directory, &format!("{more} --substeps 9"), &["run.save", "substeps", "--substeps"]);
+    fails(&directory, &format!("{more} --pin top"), &["run.save", "pins differs", "--pin"]);
     fails(&directory, "--frames 3 --out other --resume run.save", &["run.save", "frame 4", "--frames is 3"]);
     fails(&directory, "--resume missing.save", &["missing.save", "--save"]);
     #[cfg(unix)]

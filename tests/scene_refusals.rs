@@ -92,14 +92,14 @@ fn what_cannot_be_is_refused_with_its_line() {
         (collider("shape = \"sphere\"\nradius = 1"), 3, &["it", "center"]),
         (collider("shape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 0"), 3, &["it", "radius", "above 0"]),
         (collider("shape = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nhalf = [1, 1, 1]"), 3, &["half", "center, radius"]),
-        (collider("shape = \"plane\"\npoint = [0, 0, 0]\nnormal = [0, 0, 0]"), 3, &["it", "direction"]),
+        (collider("shape = \"plane\"\npoint = [0, 0, 0]\nnormal = [0, 0, 0]"), 3, &["it", "direction", "give a vector"]),
         (collider("shape = \"box\"\ncenter = [0, 0, 0]\nhalf = [1, 0, 1]"), 7, &["above 0"]),
         (
             collider(
                 "shape = \"box\"\ncenter = [0, 0, 0]\nhalf = [1, 1, 1]\nradius = [{ time = 0, value = 0 }, { time = 1, value = 3 }]",
             ),
             3,
-            &["it", "radius", "least of `half`"],
+            &["it", "radius", "least of `half`", "give a smaller radius, or a larger half"],
         ),
         (collider("shape = \"mesh\"\nmesh = \"body.obj\""), 3, &["it", "mesh"]),
         (
@@ -139,6 +139,29 @@ fn a_wrong_number_is_said_with_its_key() {
     fails(&ball(keys), 2, &["s.toml:8: collider.radius.value: -1.0 is not a finite number, 0 or above"]);
     fails(&scene(&format!("{SHEET}at = \"left\""), &[]).1, 2, &["cloth.at", "\"left\"", "a list of numbers in brackets"]);
     fails(&ball("center = [0, 0]\nradius = 1"), 2, &["s.toml:7: collider.center: [0.0, 0.0] is not three finite numbers"]);
+}
+
+/// What only the run finds to be out of range is said with its line and its key there, or with its option.
+#[test]
+fn what_a_run_refuses_is_said_where_it_was_given() {
+    let ball = "[[collider]]\nshape = \"sphere\"\ncenter = [0, -9, 0]\n";
+    let named = ball.replace("shape", "name = \"ball\"\nshape");
+    for (more, words) in [
+        (format!("{ball}radius = 1e16"), ["s.toml:5: collider 1: frame 1: `radius` = 1", "at most 1e15 m"]),
+        (format!("{ball}radius = 1\n{named}radius = 1e16"), ["s.toml:9: ball: frame 1: `radius` = 1", "at most 1e15 m"]),
+        ("[wind]\nvelocity = [1e20, 0, 0]".to_owned(), ["s.toml:5: wind: frame 1: `velocity` = [1", "within 1e15 m/s"]),
+        ("fabric = { density = 1e-30 }".to_owned(), ["s.toml:3: cloth 1: fabric.density = 0.00", "at least 1e-20"]),
+    ] {
+        fails(&scene(&format!("{SHEET}{more}"), &[]).1, 2, &words);
+    }
+    fails(
+        &scene(&format!("gravity = [0, 1e30, 0]\n{SHEET}"), &[]).1,
+        2,
+        &["s.toml:1: gravity: frame 1: `gravity` = [0", "1e15 m/s2"],
+    );
+    fails(&scene(SHEET, &["--gravity", "0,1e30,0"]).1, 2, &["--gravity: frame 1: `gravity` = [0"]);
+    fails(&scene(SHEET, &["--wind", "1e30,0,0"]).1, 2, &["--wind: frame 1: `velocity` = [1"]);
+    fails(&scene(SHEET, &["--box", "0,0,0,1e16,1,1"]).1, 2, &["--box: frame 1: `half.x` = 1"]);
 }
 
 #[test]

@@ -102,6 +102,18 @@ fn variants_are_every_value_with_every_other() {
     assert!(files == tree(&directory.path().join("one")));
 }
 
+/// A scene with variants that is run without any says so.
+#[test]
+fn variants_that_are_not_run_are_told_of() {
+    let directory = sweep(2);
+    let output = run(&directory, &["--scene", "s.toml", "--frames", "2"]);
+    succeeds(&output);
+    let text = stderr(&output);
+    assert!(text.starts_with("note: the scene has 6 variants") && text.contains("--variant 1-6"), "{text}");
+    assert_eq!(stderr(&run(&directory, &["--scene", "s.toml", "--frames", "2", "--quiet"])), "");
+    assert_eq!(stderr(&run(&directory, &["--scene", "s.toml", "--variant", "1"])), "");
+}
+
 #[test]
 fn what_is_done_is_not_done_again() {
     let directory = sweep(1);

@@ -334,7 +334,9 @@ fn plane(text: &str) -> Result<Collider, String> {
     let [x, y, z, nx, ny, nz] = numbers(text)?;
     let normal = Vec3::new(nx, ny, nz);
     let has_direction = normal.as_dvec3().try_normalize().is_some();
-    has_direction.then(|| Collider::plane(Vec3::new(x, y, z), normal)).ok_or_else(|| "its normal has no direction".to_owned())
+    has_direction
+        .then(|| Collider::plane(Vec3::new(x, y, z), normal))
+        .ok_or_else(|| "its normal has no direction; give a vector out of the solid".to_owned())
 }
 
 fn above_0(what: &str, number: f32) -> Result<(), String> {

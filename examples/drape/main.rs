@@ -57,7 +57,14 @@ impl Failure {
     fn build(of: &str, error: &BuildError) -> Failure {
         let part = match error {
             BuildError::NoGpu { .. } => return Failure::from(error),
-            BuildError::Pin { .. } | BuildError::PinTwice { .. } => "--pin",
+            // In terms of the command line: pins of a scene were checked when it was read.
+            BuildError::Pin { index, vertices, .. } => {
+                return Failure::input(format_args!(
+                    "--pin: vertex {index} does not exist; the mesh has {vertices} vertices, so give numbers from 0 to {}",
+                    vertices.saturating_sub(1)
+                ));
+            }
+            BuildError::PinTwice { .. } => "--pin",
             _ => of,
         };
         Failure::from(error).of(part)
@@ -127,6 +134,6 @@ fn tune(scene: &Scene, tolerance: Tolerance) -> Result<(), Failure> {
     // No step leads to the first frame. The preroll is a part of the motion.
     let attributes = |step| scene.attributes(scene.timeline.first() + i64::from(step));
     let tuned = cloth_deformer::tune(&scene.mesh, &scene.options, attributes, steps, tolerance);
-    tuned::show(&tuned.map_err(|error| Failure::build(&scene.name, &error))?, tolerance);
+    tuned::show(&tuned.map_err(|error| scene.not_built(&error))?, tolerance);
     Ok(())
 }

@@ -37,7 +37,7 @@ pub(crate) fn play(
     let Scene { name, mesh, template, options, outputs, .. } = scene;
     output::check_apart(outputs)?;
     let dt = scene.dt();
-    let mut deformer = Deformer::new(mesh, options.clone()).map_err(|error| Failure::build(name, &error))?;
+    let mut deformer = Deformer::new(mesh, options.clone()).map_err(|error| scene.not_built(&error))?;
 
     listen()?;
 
@@ -54,7 +54,7 @@ pub(crate) fn play(
     // In this frame the cloth is the mesh: frame 1, or one before it if there is a preroll.
     let first = scene.timeline.first();
     // The forecast warns of what the scene asks too much of before the first frame.
-    for warning in deformer.forecast(dt, &scene.attributes(first)).map_err(|error| Failure::step(first, &error))?.warnings {
+    for warning in deformer.forecast(dt, &scene.attributes(first)).map_err(|error| scene.failed(first, &error))?.warnings {
         warned.add(first, warning).inspect(|line| warn("warning", line));
     }
     let resumed = save::resume(scene, &mut deformer)?;
@@ -90,7 +90,7 @@ pub(crate) fn play(
         keep(frame, &shape);
     }
     for frame in done.map_or(first, |done| done + 1)..=outputs.frames.into() {
-        let failed = |error: StepError| Failure::step(frame, &error);
+        let failed = |error: StepError| scene.failed(frame, &error);
         let (mut seconds, mut counts) = (0.0, [0, 0]);
         if frame > first {
             let attributes = scene.attributes(frame);
@@ -163,7 +163,7 @@ fn row(frame: u32, seconds: f64, counts: [u32; 2], measure: Measure, warnings: V
 /// Places the colliders at the first frame, and separates cloth that crosses there if the scene asks for it.
 fn begin(scene: &Scene, deformer: &mut Deformer, shape: &mut Mesh) -> Result<(), Failure> {
     let first = scene.timeline.first();
-    let failed = |error: StepError| Failure::step(first, &error);
+    let failed = |error: StepError| scene.failed(first, &error);
     let attributes = scene.attributes(first);
     if let Some(inside) = warnings::begins_inside(shape, &scene.options.pinned, &attributes.colliders) {
         warn("warning", &inside);

@@ -5,7 +5,7 @@
 
 use std::{fs, io};
 
-use cloth_deformer::{Deformer, Mesh, Snapshot};
+use cloth_deformer::{Deformer, Mesh, Snapshot, StateError};
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -43,7 +43,7 @@ pub(crate) fn save(
     let Some(path) = outputs.save.as_deref().filter(|_| is_last || frame % i64::from(outputs.every) == 0) else {
         return Ok(());
     };
-    let snapshot = deformer.snapshot().map_err(|error| Failure::step(frame, &error))?;
+    let snapshot = deformer.snapshot().map_err(|error| scene.failed(frame, &error))?;
     let saved = Saved { frame, scene: scene.acts(frame), frames: frames.to_vec(), warnings: warnings.to_vec() };
     let mut bytes = serde_json::to_vec(&saved).map_err(|error| Failure::input(format_args!("--save: {error}")))?;
     bytes.extend(format!("\n{}\n", hash(&bytes)).bytes());
@@ -86,13 +86,30 @@ pub(crate) fn resume(scene: &Scene, deformer: &mut Deformer) -> Result<Option<Sa
         return Err(altered());
     }
     let snapshot = Snapshot::from_bytes(snapshot).map_err(|error| refuse(&error))?;
-    deformer.restore(&snapshot).map_err(|error| refuse(&error))?;
+    deformer.restore(&snapshot).map_err(|error| refuse(&restored(&error)))?;
     let earlier = (1..=outputs.frames).take_while(|&frame| i64::from(frame) <= saved.frame);
     let mut earlier = earlier.map(|frame| outputs.folder.join(frame_name(frame)));
     if let Some(missing) = earlier.find(|path| outputs.writes(Format::Obj) && !path.exists()) {
         warn("warning", &format!("--resume: {} is missing, and is not written again", missing.display()));
     }
     Ok(Some(saved))
+}
+
+/// Why a state is of another run, in terms of the command line and of scenes instead of the library's.
+fn restored(error: &StateError) -> String {
+    let StateError::Other { what } = *error else { return error.to_string() };
+    let (what, options) = match what {
+        "mesh" => ("mesh", "MESH.obj and --scale"),
+        "pinned" => ("choice of pins", "--pin"),
+        "fabric" | "mass" | "edge_scale" | "bending_scale" => ("fabric", "--fabric"),
+        "quality" => ("number of substeps", "--strain or --substeps"),
+        "backend" => ("backend", "--backend"),
+        "method" => ("method", "--method and --iterations"),
+        "levels" => ("choice of levels", "--levels"),
+        "contact" => ("contact of the cloth with itself", "--self-contact and --friction"),
+        other => (other, "options"),
+    };
+    format!("its {what} differs; use the same {options} as for the run that was saved, or the same scene")
 }
 
 /// Reads a frame that was written before the run was interrupted.

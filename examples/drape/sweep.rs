@@ -43,7 +43,7 @@ impl Sweep {
         for given in &file.vary {
             let Vary { key, values, first, count: numbers } = given.get_ref();
             // Before the values are made: a count may be larger than memory.
-            count = count.saturating_mul(numbers.as_ref().map_or(values.len() as u64, |numbers| numbers.0.into()));
+            count = count.saturating_mul(given.get_ref().number());
             if count > MOST {
                 return Err(source.wrong_in(given, format_args!("more than {MOST} variants; give fewer values")));
             }
@@ -204,6 +204,24 @@ impl Sweep {
         }
         values.reverse();
         values
+    }
+}
+
+impl Vary {
+    /// The number of values.
+    fn number(&self) -> u64 {
+        self.count.as_ref().map_or(self.values.len() as u64, |count| count.0.into())
+    }
+}
+
+/// Tells that a scene has variants, none of which is run.
+pub(crate) fn note(file: &File) {
+    let count = file.vary.iter().fold(1, |count: u64, vary| count.saturating_mul(vary.get_ref().number()));
+    if !file.vary.is_empty() && count > 0 {
+        warn(
+            "note",
+            &format!("the scene has {count} variants, and is run without the values of [[vary]]; --variant 1-{count} runs them"),
+        );
     }
 }
 

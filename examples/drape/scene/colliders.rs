@@ -102,13 +102,13 @@ impl Moving {
     fn read(
         arguments: &Arguments,
         source: &Source,
-        number: usize,
+        name: &str,
         given: &Spanned<file::Collider>,
         timeline: Timeline,
         up: UpAxis,
     ) -> Result<Moving, Failure> {
         let file::Collider {
-            name,
+            name: _,
             shape,
             friction,
             id,
@@ -126,7 +126,6 @@ impl Moving {
             start,
             scale,
         } = given.get_ref();
-        let name = name.clone().unwrap_or_else(|| format!("collider {number}"));
         let wrong = |what: String| source.wrong_in(given, format_args!("{name}: {what}"));
         let (called, known) = numbers_of(*shape);
         let given_numbers = [
@@ -194,10 +193,15 @@ impl Moving {
         for moment in timeline.preroll_moments().take(LOOKED_AHEAD).chain(timeline.moments().take(LOOKED_AHEAD)) {
             match moving.at(moment, moment).shape {
                 Shape::Plane { normal, .. } if normal.as_dvec3().try_normalize().is_none() => {
-                    return Err(wrong(format!("{moment} `normal` has no direction")));
+                    return Err(wrong(format!(
+                        "{moment} `normal` has no direction; give a vector out of the solid, other than 0"
+                    )));
                 }
                 Shape::RoundedBox { half, radius, .. } if radius > half.min_element() => {
-                    return Err(wrong(format!("{moment} `radius` = {radius} m is more than the least of `half` = {half}")));
+                    let remedy = "give a smaller radius, or a larger half";
+                    return Err(wrong(format!(
+                        "{moment} `radius` = {radius} m is more than the least of `half` = {half}; {remedy}"
+                    )));
                 }
                 _ => {}
             }
@@ -251,15 +255,17 @@ pub(crate) fn replacing(arguments: &Arguments, shape: ShapeName) -> Option<&'sta
     options.iter().find(|&&(_, is_given)| is_given).map(|&(option, _)| option)
 }
 
-/// All colliders of a run. Those of a shape on the command line replace those of the same shape in the scene file.
+/// All colliders of a run, each after the place where it was given. Those of a shape on the command line replace those of the same
+/// shape in the scene file.
 pub(super) fn colliders(
     arguments: &Arguments,
     scene: Option<(&Source, &File)>,
     mesh: &Mesh,
     timeline: Timeline,
     up: UpAxis,
-) -> Result<Vec<Moving>, Failure> {
+) -> Result<Vec<(String, Moving)>, Failure> {
     let Arguments { sphere, capsule, solid_box, body, plane, floor, no_sphere, no_floor, .. } = arguments;
+    let still = |option: &str, collider: &Collider| (option.to_owned(), Moving::still(collider.clone()));
     let (mut all, mut under) = (Vec::new(), None);
     if let Some((source, file)) = scene {
         for (number, given) in file.collider.iter().enumerate() {
@@ -271,24 +277,28 @@ pub(super) fn colliders(
             }
             // What is replaced is not read: its files may not be there.
             if replacing(arguments, given.get_ref().shape).is_none() {
-                all.push(Moving::read(arguments, source, number + 1, given, timeline, up)?);
+                let name = given.get_ref().name.clone().unwrap_or_else(|| format!("collider {}", number + 1));
+                let place = format!("{}: {name}", source.place(given.span().start));
+                all.push((place, Moving::read(arguments, source, &name, given, timeline, up)?));
             }
         }
     } else {
         let [ball, ground] = usual(arguments, mesh, up);
         let is_bare = sphere.is_empty() && capsule.is_empty() && solid_box.is_empty() && body.is_empty();
-        all.extend((is_bare && !no_sphere).then(|| Moving::still(ball)));
-        under = (plane.is_empty() && floor.is_none() && !no_floor).then(|| Moving::still(ground));
+        all.extend((is_bare && !no_sphere).then(|| still("the default sphere", &ball)));
+        under = (plane.is_empty() && floor.is_none() && !no_floor).then(|| still("the default floor", &ground));
     }
     let floor = floor.map(|height| ground_at(height, up));
-    all.extend([sphere, capsule, solid_box].into_iter().flatten().cloned().map(Moving::still));
+    for (option, solids) in [("--sphere", sphere), ("--capsule", capsule), ("--box", solid_box)] {
+        all.extend(solids.iter().map(|solid| still(option, solid)));
+    }
     for path in body {
         let body = Body::load(path, None, arguments.scale, timeline.times())?;
-        all.push(Moving { motion: Motion::Mesh(body), friction: None, id: None });
+        all.push((format!("--body {}", path.display()), Moving { motion: Motion::Mesh(body), friction: None, id: None }));
     }
     all.extend(under);
-    all.extend(floor.into_iter().chain(plane.iter().cloned()).map(Moving::still));
-    for moving in &mut all {
+    all.extend(floor.iter().map(|floor| still("--floor", floor)).chain(plane.iter().map(|plane| still("--plane", plane))));
+    for (_, moving) in &mut all {
         moving.friction = arguments.friction.or(moving.friction);
     }
     Ok(all)

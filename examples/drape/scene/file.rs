@@ -53,7 +53,7 @@ pub(crate) struct File {
     pub(crate) collider: Vec<Spanned<Collider>>,
     pub(crate) picture: Picture,
     pub(crate) output: Output,
-    /// Keys that vary between the runs of a sweep, in all combinations. Without `--variant` this is ignored.
+    /// Keys that vary between the runs of a sweep, in all combinations. Without `--variant` this is ignored, which a note tells.
     #[serde(deserialize_with = "tables")]
     pub(crate) vary: Vec<Spanned<Vary>>,
 }
@@ -404,11 +404,16 @@ impl Source {
 
     /// The error for a byte of the text.
     pub(crate) fn wrong(&self, at: usize, what: impl Display) -> Failure {
+        Failure::input(format_args!("{}: {what}", self.place(at)))
+    }
+
+    /// The file and the line of a byte of the text.
+    pub(super) fn place(&self, at: usize) -> String {
         if let Some(variant) = &self.variant {
-            return Failure::input(format_args!("{}: {variant}: {what}", self.path.display()));
+            return format!("{}: {variant}", self.path.display());
         }
         let line = 1 + self.text.bytes().take(at).filter(|&byte| byte == b'\n').count();
-        Failure::input(format_args!("{}:{line}: {what}", self.path.display()))
+        format!("{}:{line}", self.path.display())
     }
 
     /// The error for a value or a table.

@@ -8,6 +8,7 @@ mod fabrics;
 pub(crate) mod file;
 mod keys;
 mod pins;
+mod places;
 mod timeline;
 mod values;
 
@@ -22,12 +23,14 @@ use crate::arguments::{Arguments, Format};
 use crate::command::warn;
 use crate::output::Outputs;
 use crate::preview::{Look, default_view};
+use crate::sweep;
 use cloths::Cloths;
 pub(crate) use colliders::replacing;
 use colliders::{Moving, colliders};
 use file::{File, Source, Wind};
 use keys::Animated;
 use pins::Group;
+use places::Places;
 use timeline::{NO_PREROLL, Timeline};
 
 /// File extensions of pictures and films that are not PNG files.
@@ -56,11 +59,15 @@ pub(crate) struct Scene {
     wind: Option<Wind>,
     colliders: Vec<Moving>,
     pins: Vec<Group>,
+    places: Places,
 }
 
 impl Scene {
     pub(crate) fn new(arguments: &Arguments) -> Result<Scene, Failure> {
         let read = arguments.scene.as_deref().map(Source::read).transpose()?;
+        if let Some((_, file)) = read.as_ref().filter(|_| !arguments.quiet) {
+            sweep::note(file);
+        }
         Scene::of(arguments, read.as_ref().map(|(source, file)| (source, file)))
     }
 
@@ -77,7 +84,8 @@ impl Scene {
             None => Cloths::of_arguments(arguments, up)?,
         };
         files.extend(arguments.scene.clone());
-        let colliders = colliders(arguments, scene, &mesh, timeline, up)?;
+        let (of_colliders, colliders): (_, Vec<Moving>) = colliders(arguments, scene, &mesh, timeline, up)?.into_iter().unzip();
+        let places = Places::of(arguments, scene, of_colliders);
         files.extend(colliders.iter().flat_map(Moving::files).cloned());
         let wind = wind(arguments, scene, timeline)?;
         let backend = arguments.backend.or(file.backend).unwrap_or_default();
@@ -114,6 +122,7 @@ impl Scene {
             wind,
             colliders,
             pins,
+            places,
         })
     }
 
