@@ -46,7 +46,7 @@ impl PointCache {
     /// Begins a PC2 file for `samples` samples of `vertices` vertices, one per frame, the first at frame 1.
     ///
     /// # Errors
-    /// If the file cannot be created, or a number is too large for the format.
+    /// If the file cannot be created, as where there is a directory, or a number is too large for the format.
     pub fn create(path: impl AsRef<Path>, vertices: usize, samples: usize) -> Result<PointCache, PointCacheError> {
         PointCache::create_as(CacheForm::Pc2, path, vertices, samples)
     }
