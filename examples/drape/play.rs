@@ -7,7 +7,7 @@ use std::{
     time::Instant,
 };
 
-use cloth_deformer::{Attributes, Deformer, Measure, Mesh, StepError, Untangled};
+use cloth_deformer::{Attributes, Deformer, Measure, Mesh, ObjTemplate, StepError, Untangled};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
@@ -63,12 +63,7 @@ pub(crate) fn play(
         report.frames = saved.frames;
         *warned.texts() = saved.warnings;
     }
-    if template.as_ref().is_some_and(cloth_deformer::ObjTemplate::shares_normals) {
-        warn(
-            "warning",
-            &format!("{name}: gives one normal to several vertices, which cannot turn with each; export it without normals"),
-        );
-    }
+    check_normals(name, template.as_ref());
     let progress = progress(quiet, u64::from(outputs.frames) + u64::from(scene.timeline.preroll));
     progress.set_position(done.map_or(0, |done| 1 + done.abs_diff(first)));
     let mut shape = mesh.clone();
@@ -149,6 +144,14 @@ pub(crate) fn play(
         file.write(&animation.map_err(|error| Failure::input(format_args!("--animate: {error}")))?)?;
     }
     Ok(report)
+}
+
+/// Warns of normals that cannot be right when the cloth moves.
+fn check_normals(name: &str, template: Option<&ObjTemplate>) {
+    if template.is_some_and(ObjTemplate::shares_normals) {
+        let message = "gives one normal to several vertices, which cannot turn with each; export it without normals";
+        warn("warning", &format!("{name}: {message}"));
+    }
 }
 
 /// The statistics of a frame.
