@@ -587,7 +587,7 @@ fn a_scene_is_tuned() {
         (&["--tune", "10mm", "--frames", "1"], &["frames", "at least 3"]),
         (&["--tune", "10mm", "--frames", "2"], &["frames", "at least 3"]),
         (&["--tune", "10 miles"], &["--tune", "10mm"]),
-        (&["--tune", "-1mm"], &["tolerance", "above 0"]),
+        (&["--tune", "-1mm"], &["--tune", "-1mm", "above 0", "such as 10mm"]),
         (&["--tune", "3%", "--save", "s"], &["--tune", "--save"]),
         (&["--tune", "3%", "--preview", "p.png"], &["--tune", "--preview"]),
     ] {
