@@ -21,6 +21,8 @@ const TRIED_STEPS: f32 = 3.5;
 /// box from 0.16 to 1.5 m are stretched by 2.5 to 4.9 % then, and by 4.7 to 18.7 % with the factor that they had learned in flight
 /// (`cloth_that_falls_on_something_is_ready_for_it`).
 const STOPPED: f64 = 1.0;
+/// It flies into something if that adds this share of the stress of gravity.
+const HIT: f64 = 0.1;
 /// A strain this small counts as zero; also the lower bound of the factor.
 const NOTHING: f64 = 1e-9;
 
@@ -166,7 +168,8 @@ impl Controller {
         dt: f32,
     ) -> Controller {
         // What flies bears no load, from which nothing is learned about what will stop it.
-        let will_be_stopped = !cloth.has_pins() && load.collider_speed > load.cloth_speed && !load.is_calm(cloth);
+        let hits = cloth.density * load.collider_speed * load.collider_speed > HIT * load.weight(cloth);
+        let will_be_stopped = !cloth.has_pins() && load.collider_speed > load.cloth_speed && hits;
         let factor = match self.count == 0.0 {
             true => caution.first_factor,
             false if will_be_stopped => self.factor.max(STOPPED),
