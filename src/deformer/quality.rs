@@ -189,7 +189,8 @@ impl Deformer {
         let measured = f64::from(seen.stretch_of(f64::from(share)));
         let with_most = SIXTIETHS * most(&self.rates, &self.cloth) * longest < 1.001;
         let caution = self.caution(*has_contact, *trades_levels);
-        let known = self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm(&self.cloth));
+        let known =
+            self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));
         let beyond = |known| excess(&self.cloth, load, [measured, known], share, resolved);
         let law = self.rates.strain(load.stress(&self.cloth), longest);
         self.controller.learn(law, beyond(known), caution, *dt, holds.is_some());

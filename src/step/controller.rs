@@ -323,7 +323,7 @@ const DOUBT_IN_MOTION: f64 = 0.5;
 /// [`NARROW`], besides what its load explains.
 pub(crate) fn accepted(cloth: &Cloth, load: &Load, known: f64, share: f32) -> f64 {
     let explained = own_stretch(cloth, load.stress(cloth), share, load.cloth_speed);
-    if load.is_calm(cloth) { known.min(NARROW + explained) } else { 0.0 }
+    if load.is_calm_in_wind(cloth) { known.min(NARROW + explained) } else { 0.0 }
 }
 
 /// The measured stretch of a share of the area beyond the fabric's own. Wind stretches cloth that gives way to it little, and cloth

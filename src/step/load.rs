@@ -124,8 +124,13 @@ impl Load {
         cloth.density * self.gravity * cloth.extent
     }
 
-    /// Whether what moves adds less than a third to the stress of gravity and wind.
+    /// Whether what moves adds less than a third to the stress of gravity.
     pub(crate) fn is_calm(&self, cloth: &Cloth) -> bool {
+        self.stress_without_wind(cloth) < 1.3 * self.weight(cloth)
+    }
+
+    /// The same for the stress of gravity and wind.
+    pub(crate) fn is_calm_in_wind(&self, cloth: &Cloth) -> bool {
         self.stress_without_wind(cloth) - self.weight(cloth) < 0.3 * (self.weight(cloth) + self.pressure * cloth.extent)
     }
 
