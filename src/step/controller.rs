@@ -364,10 +364,9 @@ fn concentration(cloth: &Cloth, share: f32) -> f64 {
 }
 
 /// The share of the stiffness of what holds the cloth that substeps of at most `longest` (s) resolve, if `resolved` is that of most
-/// edges. Those at a lone
-/// pin pass on what hangs on them, and are resolved by as many substeps as help ([`most`]): a sail of 31 x 31 that wind holds taut
-/// between four pins is stretched by 13.4 % at .93 `S*`, 10.5 at 1.17, 9.6 at 1.45 and 8.6 at 12, its mean by 1.66, 1.52, 1.51
-/// and 1.51 %.
+/// edges. Those at a lone pin pass on what hangs on them, and are resolved by as many substeps as help ([`most`]): a sail of 31 x 31
+/// that wind holds taut between four pins is stretched by 13.4 % at .93 `S*`, 10.5 at 1.17, 9.6 at 1.45 and 8.6 at 12, its mean by 1.66,
+/// 1.52, 1.51 and 1.51 %.
 pub(crate) fn resolved_share(cloth: &Cloth, rates: &Rates, share: f32, [resolved, longest]: [f64; 2]) -> f64 {
     match concentration(cloth, share) > LONE {
         true => (SIXTIETHS * most(rates, cloth) * longest).max(1.0).powi(-2),
