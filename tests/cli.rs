@@ -229,9 +229,10 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
 fn every_warning_is_in_the_report() {
     let directory = TempDir::new().unwrap();
     Mesh::grid(9, 9, 1.0, 1.0).save_obj(directory.path().join("m.obj")).unwrap();
-    // A wind that blows harder and harder.
-    let scene = "[[cloth]]\nmesh = \"m.obj\"\npin = [{ rule = \"top\" }]\n[quality]\nstrain = 0.001\n[wind]\n\
-                 velocity = [{ time = 0, value = [0, 0, 0] }, { time = 0.3, value = [0, 0, 900] }]\n";
+    // A sheet that is pulled apart.
+    let scene = "[[cloth]]\nmesh = \"m.obj\"\n[[cloth.pin]]\nbox = { low = [-0.51, -1, -1], high = [-0.49, 1, 1] }\n[[cloth.pin]]\n\
+                 box = { low = [0.49, -1, -1], high = [0.51, 1, 1] }\n\
+                 move = [{ time = 0, value = [0, 0, 0] }, { time = 0.3, value = [0.6, 0, 0] }]\n";
     fs::write(directory.path().join("s.toml"), scene).unwrap();
     let output = run(&directory, &["--scene", "s.toml", "--frames", "20", "--preroll", "0.05", "--report", "r.json"]);
     succeeds(&output);
