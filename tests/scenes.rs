@@ -595,8 +595,7 @@ fn a_scene_is_tuned() {
     }
 }
 
-/// A body from files lifts the cloth, with the same result from the command line and from a scene; its files are not
-/// overwritten.
+/// The mesh of a collider that `--body` replaces need not exist.
 #[test]
 fn what_is_replaced_is_not_read() {
     let directory = TempDir::new().unwrap();
@@ -607,6 +606,8 @@ fn what_is_replaced_is_not_read() {
     succeeds(&run(&directory, &["--scene", "s.toml", "--frames", "2", "--body", "body.obj"]));
 }
 
+/// A body from files lifts the cloth, with the same result from the command line and from a scene; its files are not
+/// overwritten.
 #[test]
 fn a_body_comes_from_numbered_files() {
     let directory = TempDir::new().unwrap();

@@ -109,7 +109,7 @@ fn variants_that_are_not_run_are_told_of() {
     let output = run(&directory, &["--scene", "s.toml", "--frames", "2"]);
     succeeds(&output);
     let text = stderr(&output);
-    assert!(text.starts_with("note: the scene has 6 variants") && text.contains("--variant 1-6"), "{text}");
+    assert!(text.starts_with("note: the scene is run without the values of [[vary]]") && text.contains("--variant 1-6"), "{text}");
     assert_eq!(stderr(&run(&directory, &["--scene", "s.toml", "--frames", "2", "--quiet"])), "");
     assert_eq!(stderr(&run(&directory, &["--scene", "s.toml", "--variant", "1"])), "");
 }
@@ -308,11 +308,11 @@ fn a_difference_in_anything_else_is_named_by_its_line() {
     assert_eq!(diff(&text.replace("vt 0 0", "vt 0.0 0  # a comment\n")), (Some(0), String::new()));
     let quad = "f 1/1/1 2/1/1 3/1/1 4/1/1";
     for (from, to, words) in [
-        ("vt 0 0", "vt 0.5 0", ["line 6 is `vt 0 0`", "`vt 0.5 0`"]),
+        ("vt 0 0", "vt 0.5 0", ["line 6 of a/frame_0001.obj is `vt 0 0`", "line 6 of b/frame_0001.obj is `vt 0.5 0`"]),
         ("vn 0 1 0", "vn 0 -1 0", ["line 7", "`vn 0 -1 0`"]),
         ("g left", "g right", ["line 8", "`g right`"]),
         ("f 1/1/1 2/1/1 3/1/1\nf 1/1/1 3/1/1 4/1/1", quad, ["line 9", quad]),
-        ("4/1/1\n", "4/1/1\ng end\n", ["line 11 is `g end`", "only one"]),
+        ("4/1/1\n", "4/1/1\ng end\n", ["line 11 of b/frame_0001.obj is `g end`", "the other does not have"]),
     ] {
         let (code, said) = diff(&text.replace(from, to));
         assert_eq!(code, Some(1), "{to}");

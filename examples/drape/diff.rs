@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::{fs, iter};
+use std::{fs, io, iter};
 
 use cloth_deformer::Mesh;
 
@@ -11,6 +11,9 @@ use crate::Failure;
 use crate::command::say;
 use crate::output::{frame_name, frame_number};
 use crate::receipt::{Inputs, Receipt};
+
+/// So many characters of a line are shown.
+const SHOWN: usize = 80;
 
 /// Prints the first difference between two runs. The failure returned in that case has no message.
 pub(crate) fn diff(a: &Path, b: &Path) -> Result<(), Failure> {
@@ -47,8 +50,10 @@ fn frames(folder: &Path) -> Result<BTreeSet<u32>, Failure> {
 /// The first difference between two files, if any.
 fn between(a: &Path, b: &Path) -> Result<Option<String>, Failure> {
     let read = |path: &Path| {
-        fs::read(path)
-            .map_err(|error| Failure::input(format_args!("{}: cannot be read: {error}; check the path", path.display())))
+        // A pipe or a device may never end.
+        let is_file = fs::metadata(path).is_ok_and(|found| found.is_file());
+        let bytes = if is_file { fs::read(path) } else { Err(io::Error::other("it is no file")) };
+        bytes.map_err(|error| Failure::input(format_args!("{}: cannot be read: {error}; check the path", path.display())))
     };
     let [one, other] = [read(a)?, read(b)?];
     if one == other {
@@ -56,32 +61,39 @@ fn between(a: &Path, b: &Path) -> Result<Option<String>, Failure> {
     }
     let [x, y] = [a, b].map(|path| Mesh::load_obj(path).map_err(Failure::input));
     let [one, other] = [one, other].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-    Ok(first_difference(&x?, &y?).or_else(|| first_other_line(&one, &other)))
+    Ok(first_difference(&x?, &y?).or_else(|| first_other_line([(a, &one), (b, &other)])))
 }
 
 /// The first line that differs by more than its comment or the spelling of its numbers, if any.
-fn first_other_line(one: &str, other: &str) -> Option<String> {
+fn first_other_line([(a, one), (b, other)]: [(&Path, &str); 2]) -> Option<String> {
     let [mut one, mut other] = [statements(one), statements(other)];
+    let shown = |path: &Path, (number, line): (usize, &str)| {
+        format!("line {number} of {} is `{}`", path.display(), line.chars().take(SHOWN).collect::<String>())
+    };
     loop {
-        let shown = |(number, line): (usize, &str)| format!("line {number} is `{line}`");
         return match (one.next(), other.next()) {
             (None, None) => None,
             (Some((_, x)), Some((_, y))) if are_same(x, y) => continue,
-            (Some(x), Some(y)) => Some(format!("{} and {}", shown(x), shown(y))),
-            (Some(line), None) | (None, Some(line)) => Some(format!("{}, which only one of the files has", shown(line))),
+            (Some(x), Some(y)) => Some(format!("{} and {}", shown(a, x), shown(b, y))),
+            (Some(line), None) => Some(format!("{}, which the other does not have", shown(a, line))),
+            (None, Some(line)) => Some(format!("{}, which the other does not have", shown(b, line))),
         };
     }
 }
 
 /// The lines of an OBJ that are not empty, with their numbers and without comments.
 fn statements(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let bare = text.lines().map(|line| line.split('#').next().unwrap_or_default().trim());
+    // Some programs write `1.#QNAN` for a number.
+    let is_comment = |line: &str, at: usize| line[..at].chars().next_back().is_none_or(char::is_whitespace);
+    let end = move |line: &str| line.match_indices('#').map(|(at, _)| at).find(|&at| is_comment(line, at)).unwrap_or(line.len());
+    let bare = text.lines().map(move |line| line[..end(line)].trim());
     (1..).zip(bare).filter(|(_, line)| !line.is_empty())
 }
 
-/// Whether two lines have the same words. Numbers may be spelled in different ways.
+/// Whether two lines have the same words. Coordinates may be spelled in different ways.
 fn are_same(x: &str, y: &str) -> bool {
-    let is_same = |(x, y): (&str, &str)| x == y || x.parse::<f32>().is_ok_and(|number| y.parse() == Ok(number));
+    let has_numbers = ["v ", "vt ", "vn "].iter().any(|word| x.starts_with(word));
+    let is_same = |(x, y): (&str, &str)| x == y || has_numbers && x.parse::<f32>().is_ok_and(|number| y.parse() == Ok(number));
     let [count, others] = [x, y].map(|line| line.split_whitespace().count());
     count == others && iter::zip(x.split_whitespace(), y.split_whitespace()).all(is_same)
 }

@@ -43,6 +43,7 @@ pub(crate) struct Frame {
     /// Pairs of features of the cloth that press on each other.
     pub(crate) contacts: u32,
     /// The texts of all warnings of the step; those of the preroll are in the first frame, after the names of their own.
+    #[serde(default)]
     pub(crate) warnings: Vec<String>,
 }
 

@@ -27,6 +27,7 @@ pub(crate) struct Saved {
     scene: String,
     pub(crate) frames: Vec<Frame>,
     /// Texts of warnings of the preroll, for the first of the frames.
+    #[serde(default)]
     pub(crate) warnings: Vec<String>,
 }
 

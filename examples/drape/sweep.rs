@@ -217,11 +217,9 @@ impl Vary {
 /// Tells that a scene has variants, none of which is run.
 pub(crate) fn note(file: &File) {
     let count = file.vary.iter().fold(1, |count: u64, vary| count.saturating_mul(vary.get_ref().number()));
-    if !file.vary.is_empty() && count > 0 {
-        warn(
-            "note",
-            &format!("the scene has {count} variants, and is run without the values of [[vary]]; --variant 1-{count} runs them"),
-        );
+    if !file.vary.is_empty() && (1..=MOST).contains(&count) {
+        let advice = format!("the scene is run without the values of [[vary]]; --variant 1-{count} runs it with them");
+        warn("note", &advice);
     }
 }
 

@@ -27,7 +27,7 @@ pub struct Forecast {
     /// Predicted stretch, beyond the fabric's own, that 99 percent of the area will not exceed in this step:
     /// `f (2 sigma/K) (S*/S)²`, where sigma is the membrane stress of what acts on the cloth in this step, and f was
     /// measured in previous steps if the quality bounds the strain. Before that it is 0.3, for closed shells 2, and on a GPU that takes
-    /// more substeps instead of levels 1.2. A sheet that was just released has
+    /// more substeps instead of levels 1.2; and it is at least 1 for cloth that is about to fly into something. A sheet that was just released has
     /// no speed yet; when it swings through its lowest point it carries three times its static stress. 0 for springs,
     /// which stretch only as their stiffness says; NaN for relaxation, for which there is no law.
     pub strain: f32,
@@ -45,7 +45,8 @@ impl Deformer {
     /// This takes less time than building the cloth and does not change the state.
     ///
     /// # Errors
-    /// As the checks of [`Deformer::step`]; a step of 0 s has no forecast and is an error too.
+    /// As the checks of [`Deformer::step`], also for a step that the cloth would sleep through; a step of 0 s has no forecast and is an
+    /// error too.
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
         let decision = self.decide(dt, attributes)?;
         let sleeps = self.sleeps(attributes);

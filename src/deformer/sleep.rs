@@ -12,8 +12,8 @@ use crate::record::recorded;
 pub(super) struct Stillness {
     /// The attributes of the last step.
     attributes: Attributes,
-    /// Time (s) for which the attributes have not changed and the cloth has hardly moved; negative while statistics of steps before
-    /// the last change are still to come.
+    /// Time (s) for which the attributes have not changed and the cloth has hardly moved; after a change, less by that of the steps
+    /// before it whose statistics are still to come.
     time: f32,
 }
 

@@ -20,7 +20,7 @@ use crate::step::watch::{Bounds, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();

@@ -144,7 +144,7 @@ pub enum Levels {
 /// fast as at the origin, and one that was warped 64 m away never does.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sleep {
-    /// Largest root mean square of the vertices' speeds (m/s), at most 0.01. Speeds above that count as up to 9 % more.
+    /// Largest root mean square of the vertices' speeds (m/s), at most 0.01. Speeds above that count as up to an eighth more.
     pub mean_speed: f32,
     /// Largest speed of any vertex (m/s).
     pub speed: f32,

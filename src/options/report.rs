@@ -83,9 +83,9 @@ impl Crossing {
 pub enum Warning {
     /// The bending stiffness had to be reduced to stay stable with these substeps, by more than 5 percent on average over
     /// the cloth. [`Method::SmallSteps`](crate::Method::SmallSteps) filters bending in up to sixteen passes per substep
-    /// and warns only if those are not enough. [`Quality::Substeps`](crate::Quality::Substeps) with more of them restores the full
-    /// stiffness. Where the number is chosen from step to step, it stays as low as the fewest substeps so far demand, so that bent
-    /// cloth gains no energy.
+    /// and warns only if those are not enough. The stiffness stays as low as the fewest substeps so far demand, so that bent
+    /// cloth gains no energy when their number rises. From the start, or after [`Deformer::reset`](crate::Deformer::reset),
+    /// [`Quality::Substeps`](crate::Quality::Substeps) with more of them keeps more of it.
     BendingLimited {
         /// Number of vertices with reduced stiffness.
         vertices: usize,
@@ -98,8 +98,8 @@ pub enum Warning {
         needed: u32,
     },
     /// A larger share of the area than promised was stretched by more than promised. Not reported is what the cloth is known to be
-    /// stretched by whatever the substeps, as where a garment is narrower than what it is on: up to 10 %, and as long as it moves
-    /// calmly.
+    /// stretched by whatever the substeps, as where a garment is narrower than what it is on: up to 10 % beyond what gravity and wind
+    /// explain, and as long as its motion adds little to these.
     StrainMissed {
         /// Stretch that the promised share of the area did not exceed, beyond the fabric's own stretch.
         stretch: f32,
@@ -129,7 +129,7 @@ pub enum Warning {
         /// [`Method::Relaxation`](crate::Method::Relaxation) makes several in a substep.
         carried: f32,
     },
-    /// A collider near the cloth moves farther in a substep than an edge is long. It does not tunnel, but cloth that it hits is
+    /// A collider near the cloth moves farther in a sweep than an edge is long. It does not tunnel, but cloth that it hits is
     /// stretched. Or, if it is no mesh, it moves farther than the thickness of [`Options::contact`](crate::Options::contact):
     /// what it hits can then not follow without coming too close to itself, and lets it sink in, by several times the thickness
     /// and more. Where the cloth is is known where strain is measured, as for [`Quality::Strain`](crate::Quality::Strain);
@@ -140,7 +140,7 @@ pub enum Warning {
         collider: usize,
         /// Its speed (m/s), relative to the mean of the pins where that is slower, and to the course of cloth without any.
         speed: f32,
-        /// The highest speed (m/s) that the substeps can carry: one edge length, or one thickness, per substep.
+        /// The highest speed (m/s) that the substeps can carry: one edge length per sweep, or one thickness per substep.
         carried: f32,
     },
     /// Pins and mesh colliders near the cloth move relative to each other by more than two thirds of the contact

@@ -13,6 +13,8 @@ pub(crate) const FEWEST_SUBSTEPS: f64 = 5.0;
 const FALL: f64 = 0.8;
 /// The load is steady if its stress changes by less than this share in a step.
 const STEADY: f64 = 0.02;
+/// A load that lasts is no longer the one under which a number was too small if its stress is less by this factor.
+const CALMER: f64 = 1.3;
 /// A number of substeps to which it fell is too small for the load if it rises again within this time (s), or within so many steps, after
 /// which a GPU has measured it.
 const TRIED: f32 = 0.1;
@@ -110,8 +112,8 @@ pub(crate) struct Controller {
     count: f64,
     /// For how long (s) fewer substeps would have sufficed.
     low: f32,
-    /// The longest substep (s) that was allowed in any step since the cloth was placed, or its quality or bending
-    /// changed; 0 before the first.
+    /// The longest substep (s) that was allowed in any step since the cloth was placed, its bending changed, or its quality to or from
+    /// another kind than [`Quality::Substeps`]; 0 before the first.
     longest: f64,
     /// The stretch that was last measured with as many substeps as help ([`most`]): it is the fabric's own, as of cloth that is
     /// too narrow for what it is pulled over. 0 if it is not known.
@@ -123,13 +125,15 @@ pub(crate) struct Controller {
     /// The largest number of substeps that was too small as soon as it was fallen to, while `own` is known or the load lasts; 0 if none
     /// was.
     too_few: f64,
+    /// The load's stress (N/m) then.
+    failed_under: f64,
     /// Time (s) since the number fell.
     fallen_for: f32,
     /// The number of levels that [`Rates::levels`] chose for the last step; [`u32::MAX`] before the first.
     levels: u32,
 }
 
-recorded!(Controller { factor, count, low, longest, own, known_for, stress, too_few, fallen_for, levels });
+recorded!(Controller { factor, count, low, longest, own, known_for, stress, too_few, failed_under, fallen_for, levels });
 
 impl Default for Controller {
     fn default() -> Controller {
@@ -143,6 +147,7 @@ impl Default for Controller {
             known_for: 0.0,
             stress: 0.0,
             too_few: 0.0,
+            failed_under: 0.0,
             fallen_for: RENEWED,
             levels: u32::MAX,
         }
@@ -157,8 +162,8 @@ impl Controller {
     /// the stretch is between the aim and [`Caution::most`]: otherwise it falls and rises for ever where cloth hangs at rest,
     /// which then never does rest (`cloth_at_rest_keeps_its_substeps`). And the stretch of cloth that is held stretched, or that wind
     /// holds taut, may depend on the number more steeply than the law says, so that one is too few and the next leaves nothing to correct.
-    /// As long as it is held or the load lasts, the number does not fall to that one again for [`RENEWED`]
-    /// (`cloth_that_is_held_stretched_keeps_its_substeps`).
+    /// The number does not fall to that one again as long as the load lasts, and for [`RENEWED`] as long as it is held
+    /// (`cloth_that_is_held_stretched_keeps_its_substeps`, `what_is_held_taut_comes_to_rest`).
     pub(crate) fn next(
         &self,
         rates: &Rates,
@@ -179,7 +184,9 @@ impl Controller {
         let (asked, low, stress) = (asked_at(caution.aim), self.low + dt, load.stress(cloth));
         let lasts = (stress - self.stress).abs() < STEADY * self.stress;
         let (is_steady, is_held) = (lasts && load.is_calm(cloth), self.own > 0.0);
-        let too_few = if (is_held || lasts) && self.fallen_for < RENEWED { self.too_few } else { 0.0 };
+        // Not that of a gust in the lull after it, which each step of a slow change would pass on.
+        let still_fails = is_held && self.fallen_for < RENEWED || lasts && CALMER * stress > self.failed_under;
+        let too_few = if still_fails { self.too_few } else { 0.0 };
         // What is held shows what fewer substeps leave once a transverse wave, at the speed `sqrt(sigma/rho)`, has come from its middle
         // to what holds it.
         let settled = (0.5 * cloth.extent * (cloth.density / stress).sqrt()).min(SETTLED);
@@ -192,9 +199,12 @@ impl Controller {
             false => (self.count, low),
         };
         let has_failed = (is_held || lasts) && count > self.count && self.fallen_for < TRIED.max(TRIED_STEPS * dt);
-        let too_few = if has_failed { too_few.max(self.count) } else { too_few };
+        let (too_few, failed_under) = match has_failed {
+            true => (too_few.max(self.count), stress),
+            false => (too_few, self.failed_under),
+        };
         let fallen_for = if count < self.count { 0.0 } else { self.fallen_for + dt };
-        Controller { factor, count, low, stress, too_few, fallen_for, ..*self }
+        Controller { factor, count, low, stress, too_few, failed_under, fallen_for, ..*self }
     }
 
     /// Substeps in 1/60 s of the step that this state is for.
@@ -267,7 +277,8 @@ impl Controller {
         } else if self.known_for > RENEWED {
             self.own = 0.0;
         } else if measured < self.own - 0.5 * aim {
-            self.own = if f64::from(self.fallen_for) < SETTLED { measured + 0.25 * aim } else { 0.0 };
+            let has_fallen = f64::from(self.fallen_for) < SETTLED;
+            self.own = if has_fallen && measured > aim { measured + 0.25 * aim } else { 0.0 };
         }
         self.own
     }
@@ -300,8 +311,9 @@ pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
     (resolved.min(MUCH_STIFFER * rates.resolving_what_shows(cloth)) / SIXTIETHS).ceil().max(FEWEST_SUBSTEPS)
 }
 
-/// Pins are lone if the stress near them is more than this multiple of that of the whole cloth.
-const LONE: f64 = 0.5;
+/// Pins are lone if the stress near them is more than this multiple of that of the whole cloth, where it bounds a hundredth of the area.
+/// For a whole edge that is pinned, the multiple is at most a half.
+const LONE: f64 = 1.0;
 /// Cloth that is pulled over something keeps a tension of at least this many times the stress of its load.
 const GRIP: f64 = 5.0;
 /// Time (s) after which stretch that is known to be the fabric's own is measured anew.
@@ -357,10 +369,15 @@ fn own_stretch(cloth: &Cloth, stress: f64, share: f32, speed: f64) -> f64 {
 
 /// The stress near lone pins as a multiple of that of the whole cloth: see [`own_stretch`].
 fn concentration(cloth: &Cloth, share: f32) -> f64 {
-    let rest = f64::from(1.0 - share).max(1.0 / cloth.used as f64);
+    let rest = rest(cloth, share);
     // Around a pin the area grows with the square of the distance.
     let near = cloth.near * (rest / 0.01).sqrt();
     if near > 0.0 { near / (2.0 * rest * cloth.extent) } else { 0.0 }
+}
+
+/// The share of the area whose stretch is not bounded, at least a vertex.
+fn rest(cloth: &Cloth, share: f32) -> f64 {
+    f64::from(1.0 - share).max(1.0 / cloth.used as f64)
 }
 
 /// The share of the stiffness of what holds the cloth that substeps of at most `longest` (s) resolve, if `resolved` is that of most
@@ -368,7 +385,8 @@ fn concentration(cloth: &Cloth, share: f32) -> f64 {
 /// that wind holds taut between four pins is stretched by 13.4 % at .93 `S*`, 10.5 at 1.17, 9.6 at 1.45 and 8.6 at 12, its mean by 1.66,
 /// 1.52, 1.51 and 1.51 %.
 pub(crate) fn resolved_share(cloth: &Cloth, rates: &Rates, share: f32, [resolved, longest]: [f64; 2]) -> f64 {
-    match concentration(cloth, share) > LONE {
+    // Of a smaller rest of the area, that of an edge grows as the inverse root.
+    match concentration(cloth, share) > LONE * (0.01 / rest(cloth, share)).sqrt() {
         true => (SIXTIETHS * most(rates, cloth) * longest).max(1.0).powi(-2),
         false => resolved,
     }

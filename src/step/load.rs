@@ -260,6 +260,10 @@ fn kinematic_speed(
     for (now, last) in motion.followed(&attributes.colliders) {
         if let (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) = (&now.shape, &last.shape) {
             let moves = || from.positions.iter().zip(&to.positions).map(|(&from, &to)| [from, to - from]);
+            let relative = travel(&now.shape, &last.shape, course);
+            if !is_near(cloth, now, relative + f64::from(thickness), f64::from(dt), place) {
+                continue;
+            }
             let enlargement = |by: Vec3| STEPS_AHEAD as f32 * (by - course).abs();
             let is_near = near_vertices(&to.triangles, moves().map(|[from, by]| around([from, by], enlargement(by))), near);
             of_meshes.extend(moves().zip(is_near).filter(|(_, is_near)| *is_near).map(|([_, by], _)| by));

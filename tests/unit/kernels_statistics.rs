@@ -46,3 +46,15 @@ fn ordered_numbers_are_in_the_order_of_the_values() {
         assert_eq!(unordered([ordered(value); 3]), Vec3::splat(value));
     }
 }
+
+/// Of vertices of which half move at 1 m/s, and of slow ones.
+#[test]
+fn the_mean_speed_counts_what_moves_fast() {
+    let mut half = Statistics { slow: 50 * SLOW_PARTS as u32, fastest: 1.0_f32.to_bits(), ..Statistics::NONE };
+    (half.speed[0], half.speed[class_of(1.0, MIN_SPEED)]) = (50, 50);
+    let expected = 0.5_f32.sqrt();
+    assert!((half.rms_speed() / expected - 1.0).abs() < 0.13, "{} m/s", half.rms_speed());
+    let mut slow = Statistics { slow: SLOW_PARTS as u32, fastest: (0.5 * SLOW).to_bits(), ..Statistics::NONE };
+    slow.speed[class_of(0.5 * SLOW, MIN_SPEED)] = 4;
+    assert!((slow.rms_speed() - 0.5 * SLOW).abs() < 1e-6, "{} m/s", slow.rms_speed());
+}

@@ -24,7 +24,8 @@ impl Places {
         }
         let gravity = scene.and_then(|(source, file)| file.gravity.as_ref().map(|given| place(source, given, "gravity")));
         let wind = scene.and_then(|(source, file)| file.wind.as_ref().map(|given| place(source, given, "wind")));
-        let cloth = scene.and_then(|(source, file)| file.cloth.first().map(|given| place(source, given, "cloth 1")));
+        let name = |given: &Spanned<super::file::Cloth>| given.get_ref().name.clone().unwrap_or("cloth 1".to_owned());
+        let cloth = scene.and_then(|(source, file)| file.cloth.first().map(|given| place(source, given, &name(given))));
         let or = |is_given: bool, option: &str, there: Option<String>| there.filter(|_| !is_given).unwrap_or(option.to_owned());
         Places {
             gravity: or(arguments.gravity.is_some(), "--gravity", gravity),
@@ -35,18 +36,21 @@ impl Places {
     }
 
     /// Where an attribute of a step was given, and its key there.
-    fn of_attribute<'a>(&'a self, name: &'a str) -> (&'a str, &'a str) {
+    fn of_attribute<'a>(&self, name: &'a str) -> (String, &'a str) {
         let of_collider = || {
             let (number, key) = name.strip_prefix("colliders[")?.split_once("].")?;
-            Some((self.colliders.get(number.parse::<usize>().ok()?)?.as_str(), key))
+            Some((self.colliders.get(number.parse::<usize>().ok()?)?.clone(), key))
         };
+        let of_pin = || Some(name.strip_prefix("pin_targets[")?.strip_suffix(']')?.parse::<usize>().ok()? + 1);
         match name {
-            "gravity" => (&self.gravity, "gravity"),
-            "wind" => (&self.wind, "velocity"),
-            "air_density" => (&self.wind, "density"),
-            "drag" | "lift" | "damping" => (&self.wind, name),
-            _ if name.starts_with("pin_targets") => ("pins", "position"),
-            _ => of_collider().unwrap_or(("the scene", name)),
+            "gravity" => (self.gravity.clone(), "gravity"),
+            "wind" => (self.wind.clone(), "velocity"),
+            "air_density" => (self.wind.clone(), "density"),
+            "drag" | "lift" | "damping" => (self.wind.clone(), name),
+            _ => match of_pin() {
+                Some(pin) => (format!("pin {pin}"), "move"),
+                None => of_collider().unwrap_or(("the scene".to_owned(), name)),
+            },
         }
     }
 }
@@ -61,6 +65,9 @@ impl Scene {
 
     /// A cloth that could not be built, likewise.
     pub(crate) fn not_built(&self, error: &BuildError) -> Failure {
+        if let BuildError::Step { frame, error } = error {
+            return self.failed((*frame).into(), error);
+        }
         let is_of_fabric = matches!(error, BuildError::Value { name, .. } if name.starts_with("fabric."));
         let place = self.places.cloth.as_ref().filter(|_| is_of_fabric).unwrap_or(&self.name);
         Failure::build(place, error)
