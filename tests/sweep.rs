@@ -109,7 +109,10 @@ fn variants_that_are_not_run_are_told_of() {
     let output = run(&directory, &["--scene", "s.toml", "--frames", "2"]);
     succeeds(&output);
     let text = stderr(&output);
-    assert!(text.starts_with("note: the scene is run without the values of [[vary]]") && text.contains("--variant 1-6"), "{text}");
+    assert!(
+        text.starts_with("note: the scene is run without the values of [[vary]]") && text.contains("--variant 1-6"),
+        "{text}"
+    );
     assert_eq!(stderr(&run(&directory, &["--scene", "s.toml", "--frames", "2", "--quiet"])), "");
     assert_eq!(stderr(&run(&directory, &["--scene", "s.toml", "--variant", "1"])), "");
 }
