@@ -8,8 +8,9 @@ use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
-use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, accepted, excess, most, resolved_share};
+use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, most};
 use crate::step::load::Load;
+use crate::step::own_stretch::{accepted, excess, resolved_share};
 use crate::step::substep_count::{SIXTIETHS, is_gale};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
@@ -184,10 +185,11 @@ impl Deformer {
     ) -> Option<Warning> {
         let StepDecision { dt, load, division, has_contact, trades_levels, .. } = decision;
         let (share, longest) = (strain_bound.share, f64::from(division.length.longest_h));
+        let length = SIXTIETHS * most(&self.rates, &self.cloth) * longest;
         let resolved = division.length.resolved;
-        let resolved = [resolved, resolved_share(&self.cloth, &self.rates, share, [resolved, longest])];
+        let resolved = [resolved, resolved_share(&self.cloth, share, resolved, length.max(1.0).powi(-2))];
         let measured = f64::from(seen.stretch_of(f64::from(share)));
-        let with_most = SIXTIETHS * most(&self.rates, &self.cloth) * longest < 1.001;
+        let with_most = length < 1.001;
         let caution = self.caution(*has_contact, *trades_levels);
         let known =
             self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));

@@ -6,6 +6,7 @@ pub(crate) mod coefficients;
 pub(crate) mod controller;
 pub(crate) mod load;
 pub(crate) mod motion;
+pub(crate) mod own_stretch;
 pub(crate) mod pace;
 pub(crate) mod plan;
 pub(crate) mod substep_count;

@@ -1,8 +1,6 @@
 //! What the controller learns from a step.
 
-use super::{Caution, Controller, LONE, concentration};
-use crate::model::cloth::Cloth;
-use crate::{Mesh, Options};
+use super::{Caution, Controller};
 
 /// A factor that was learned fades with time, but counts no more as soon as something holds the cloth that substeps cannot move.
 #[test]
@@ -42,17 +40,4 @@ fn stretch_that_no_substeps_change_is_the_fabrics_own() {
     assert!((0..60 * 60).all(|_| calm.own_of(0.08, false, aim, dt, true) == 0.05), "nothing has changed");
     let known = (0..60 * 60).take_while(|_| controller.own_of(0.08, false, aim, dt, false) == 0.05).count();
     assert!((500..700).contains(&known), "known for {known} frames");
-}
-
-/// Corners are lone, and an edge is not, however many vertices it has.
-#[test]
-fn an_edge_is_no_lone_pin() {
-    for n in [20, 31, 99, 100, 101, 120, 201] {
-        let of = |pinned: Vec<u32>| {
-            let options = Options { pinned, ..Options::default() };
-            concentration(&Cloth::new(&Mesh::grid(n, n, 1.0, 1.0), &options).unwrap(), 0.99)
-        };
-        let [edge, corners] = [of((0..n).collect()), of(vec![0, n - 1, n * (n - 1), n * n - 1])];
-        assert!(edge < 0.6 * LONE && LONE < corners, "{n}: {edge} and {corners}");
-    }
 }
