@@ -185,11 +185,12 @@ impl Deformer {
     ) -> Option<Warning> {
         let StepDecision { dt, load, division, has_contact, trades_levels, .. } = decision;
         let (share, longest) = (strain_bound.share, f64::from(division.length.longest_h));
-        let length = SIXTIETHS * most(&self.rates, &self.cloth) * longest;
+        // How many times as many substeps would still help.
+        let times = SIXTIETHS * most(&self.rates, &self.cloth) * longest;
         let resolved = division.length.resolved;
-        let resolved = [resolved, resolved_share(&self.cloth, share, resolved, length.max(1.0).powi(-2))];
+        let resolved = [resolved, resolved_share(&self.cloth, share, resolved, times.max(1.0).powi(-2))];
         let measured = f64::from(seen.stretch_of(f64::from(share)));
-        let with_most = length < 1.001;
+        let with_most = times < 1.001;
         let caution = self.caution(*has_contact, *trades_levels);
         let known =
             self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));

@@ -65,14 +65,14 @@ fn rest(cloth: &Cloth, share: f32) -> f64 {
     f64::from(1.0 - share).max(1.0 / cloth.used as f64)
 }
 
-/// The share of the stiffness of what holds the cloth that the substeps resolve, if `of_most` is that of most edges and `with_most` their
-/// square relative to as many as help ([`most`](crate::step::controller::most)). Edges at a lone pin pass on what hangs on them, and are
-/// resolved by that many: a sail of 31 x 31 that wind holds taut between four pins is stretched by 13.4 % at .93 `S*`, 10.5 at 1.17, 9.6
+/// The share of the stiffness of what holds the cloth that the substeps resolve: `of_most` as of most edges, or `near_pins`, the square
+/// of their number relative to as many as help ([`most`](crate::step::controller::most)). Edges at a lone pin pass on what hangs on them,
+/// and are resolved by that many: a sail of 31 x 31 that wind holds taut between four pins is stretched by 13.4 % at .93 `S*`, 10.5 at 1.17, 9.6
 /// at 1.45 and 8.6 at 12, its mean by 1.66, 1.52, 1.51 and 1.51 %.
-pub(crate) fn resolved_share(cloth: &Cloth, share: f32, of_most: f64, with_most: f64) -> f64 {
+pub(crate) fn resolved_share(cloth: &Cloth, share: f32, of_most: f64, near_pins: f64) -> f64 {
     // Of a smaller rest of the area, that of an edge grows as the inverse root.
     match concentration(cloth, share) > LONE * (0.01 / rest(cloth, share)).sqrt() {
-        true => with_most,
+        true => near_pins,
         false => of_most,
     }
 }
