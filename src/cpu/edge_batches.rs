@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use crate::cpu::partition::Piece;
-use crate::cpu::tasks::shared::lists::{Indices, Rows};
+use crate::cpu::tasks::shared::lists::Indices;
 use crate::kernels::distance::Edge;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{MAX_LANES, vector_of_lane};
@@ -47,9 +47,9 @@ pub(crate) struct EdgeBatch<'a> {
 #[derive(Debug, Default)]
 pub(crate) struct EndLists {
     /// For [`Ends::Rows`], the first vertex of both ends.
-    pub rows: Rows,
+    pub rows: Indices,
     /// For [`Ends::Pairs`], the first vertex.
-    pub pairs: Rows,
+    pub pairs: Indices,
     /// For [`Ends::Listed`], all vertices.
     pub listed: Indices,
 }
@@ -113,8 +113,8 @@ impl EdgeBatches {
     ) -> EdgeBatches {
         let vertices = inverse_mass.len();
         let at = EndLists {
-            rows: Rows::new(lanes, vertices.next_multiple_of(MAX_LANES)),
-            pairs: Rows::new(2 * lanes, vertices.next_multiple_of(MAX_LANES)),
+            rows: Indices::of_rows(lanes, vertices.next_multiple_of(MAX_LANES)),
+            pairs: Indices::of_rows(2 * lanes, vertices.next_multiple_of(MAX_LANES)),
             listed: Indices::new(vertices),
         };
         let batches = EdgeBatches { lanes, at, ..EdgeBatches::default() };
@@ -236,8 +236,8 @@ impl Packer<'_> {
             _ => batches.push(RowRange { ends, rows: row..row + 1, first }),
         }
         match ends {
-            Ends::Rows => [edge(0).a, edge(0).b].into_iter().for_each(|end| at.rows.push(end)),
-            Ends::Pairs => at.pairs.push(edge(0).a),
+            Ends::Rows => at.rows.extend([edge(0).a, edge(0).b]),
+            Ends::Pairs => at.pairs.extend([edge(0).a]),
             Ends::Listed => {
                 at.listed.extend((0..lanes).map(|k| edge(k).a));
                 at.listed.extend((0..lanes).map(|k| edge(k).b));

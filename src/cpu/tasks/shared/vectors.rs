@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use glam::Vec4;
 
 use super::View;
-use super::lists::{Indices, Rows};
+use super::lists::Indices;
 use crate::simd::{Registers, Vector};
 
 impl<'t> View<'t, Vec4> {
@@ -23,7 +23,7 @@ impl<'t> View<'t, Vec4> {
 
     /// The rows of a list, with `EACH` vectors per lane.
     #[inline(always)]
-    pub(crate) fn rows<'p, L: Registers, const EACH: usize>(self, rows: &'p Rows) -> RowsOf<'p, L, EACH>
+    pub(crate) fn rows<'p, L: Registers, const EACH: usize>(self, rows: &'p Indices) -> RowsOf<'p, L, EACH>
     where
         't: 'p,
     {
@@ -53,7 +53,7 @@ impl<'t> View<'t, Vec4> {
     where
         't: 'p,
     {
-        Gathered { view: self, places: places.inside(self.length) }
+        Gathered { view: self, places: places.inside(self.length, 1) }
     }
 
     /// A register of contiguous vectors that the caller has checked to be inside.
