@@ -75,17 +75,9 @@ struct StepDecision {
     bounds: Bounds,
 }
 
-/// A cloth in motion.
-pub struct Deformer {
-    cloth: Cloth,
-    options: Options,
-    rates: Rates,
-    engine: Engine,
-    /// The coarse levels, built when a step first needs them, and the number of levels that the last step asked for.
-    hierarchy: Hierarchy,
-    levels_asked: usize,
-    /// Coefficients for the last length of substep.
-    coefficients: Option<Coefficients>,
+/// What the next step depends on, besides what the engine has of the motion.
+#[derive(Debug, Clone, Default)]
+struct State {
     motion: Motion,
     /// What chooses the substeps, and the steps whose statistics have not arrived yet.
     controller: Controller,
@@ -98,6 +90,22 @@ pub struct Deformer {
     /// What the motion is checked against, and the bounds of the last step.
     watch: Watch,
     bounds: Bounds,
+    /// Gravity of the last step (m/s²), for the potential energy.
+    gravity: Vec3,
+}
+
+/// A cloth in motion.
+pub struct Deformer {
+    cloth: Cloth,
+    options: Options,
+    rates: Rates,
+    engine: Engine,
+    /// The coarse levels, built when a step first needs them, and the number of levels that the last step asked for.
+    hierarchy: Hierarchy,
+    levels_asked: usize,
+    /// Coefficients for the last length of substep.
+    coefficients: Option<Coefficients>,
+    state: State,
     buffers: PlanBuffers,
     /// Positions and velocities last returned to the caller, in the mesh's order.
     positions: Vec<Vec3>,
@@ -109,8 +117,6 @@ pub struct Deformer {
     local: Vec<Vec4>,
     /// The placed state that the next step begins from, if a part of it is flat.
     flat_start: Option<FlatStart>,
-    /// Gravity of the last step (m/s²), for the potential energy.
-    gravity: Vec3,
     /// Whether `positions`, `velocities` and `local` are those of the current state.
     is_current: bool,
 }
@@ -146,14 +152,7 @@ impl Deformer {
             hierarchy: Hierarchy::default(),
             levels_asked: 0,
             coefficients: None,
-            motion,
-            controller: Controller::default(),
-            awaiting_statistics: VecDeque::new(),
-            seen: None,
-            pace: Pace::default(),
-            still: Stillness::default(),
-            watch,
-            bounds: Bounds::default(),
+            state: State { motion, watch, ..State::default() },
             buffers: PlanBuffers::default(),
             positions,
             velocities,
@@ -161,7 +160,6 @@ impl Deformer {
             has_arrived: false,
             local,
             flat_start,
-            gravity: Vec3::ZERO,
             is_current: true,
         })
     }
@@ -194,13 +192,13 @@ impl Deformer {
         let length = self.coefficients.as_ref().map(|last| last.length);
         let Some(decision) = self.prepare(dt, attributes)? else { return Ok(idle(dt)) };
         // Only a budget needs a clock, which not every machine has.
-        let counts = self.pace.begin(dt, length.is_some_and(|length| length != decision.division.length));
+        let counts = self.state.pace.begin(dt, length.is_some_and(|length| length != decision.division.length));
         let is_timed = counts && !alone && matches!(self.options.quality, Quality::Budget(_));
         let start = is_timed.then(Instant::now);
         let (engine, plan) = self.plan(&decision, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
         if let (Some(start), Ok(_)) = (start, &stepped) {
-            self.pace.note(start.elapsed().as_secs_f64(), decision.division.substeps);
+            self.state.pace.note(start.elapsed().as_secs_f64(), decision.division.substeps);
         }
         self.finish(stepped, &decision, attributes)
     }
@@ -254,7 +252,7 @@ impl Deformer {
     /// Checks the attributes of a step. Returns the contact thickness (m), if triangles can touch.
     fn check(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
         attributes.validate(self.cloth.pinned.len())?;
-        self.motion.check(&attributes.colliders)?;
+        self.state.motion.check(&attributes.colliders)?;
         let thickness = self.contact_thickness(attributes)?;
         thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
         Ok(thickness)
@@ -264,22 +262,22 @@ impl Deformer {
     fn decide(&self, dt: f32, attributes: &Attributes) -> Result<StepDecision, StepError> {
         check_time_step(dt)?;
         let thickness = self.check(attributes)?;
-        let seen = self.seen.as_ref();
-        let fastest = Fastest::of(&self.cloth, &self.motion, attributes, f64::from(dt), seen, self.late());
-        let load = Load::of(&self.cloth, &self.motion, attributes, dt, seen, &fastest, thickness);
+        let seen = self.state.seen.as_ref();
+        let fastest = Fastest::of(&self.cloth, &self.state.motion, attributes, f64::from(dt), seen, self.late());
+        let load = Load::of(&self.cloth, &self.state.motion, attributes, dt, seen, &fastest, thickness);
         let has_contact = thickness.is_some();
         let trades_levels = !has_contact && self.trades_levels(load.lasting_pressure);
         let controller = self.controlled(dt, &load, self.caution(has_contact, trades_levels), has_contact);
         let substep_rate = self.substep_rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.
-        let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.pace.is_known();
+        let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.state.pace.is_known();
         let controller = if is_guess { controller } else { controller.after(substep_rate) };
         let division = self.rates.divide(&self.cloth, &self.options, dt, [substep_rate, controller.longest()])?;
-        let before = self.controller.levels();
+        let before = self.state.controller.levels();
         let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.lasting_pressure, before);
         let controller = controller.with_levels(levels);
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
-        let watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
+        let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
         Ok(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels, fastest, bounds })
     }
@@ -327,13 +325,13 @@ impl Deformer {
             levels: &self.hierarchy.levels,
             options: &self.options,
             coefficients,
-            motion: &self.motion,
+            motion: &self.state.motion,
             substeps: decision.division.substeps,
             attributes,
         };
         let plan = Plan { place: decision.fastest.place, ..Plan::new(&inputs, &mut self.buffers) };
         let mut plan = if observed { plan.observed() } else { plan };
-        self.watch.limit(&mut plan.params, decision.bounds);
+        self.state.watch.limit(&mut plan.params, decision.bounds);
         (&mut self.engine, plan)
     }
 
@@ -344,10 +342,10 @@ impl Deformer {
         decision: &StepDecision,
         attributes: &Attributes,
     ) -> Result<StepReport, StepError> {
-        let before = mem::replace(&mut self.bounds, decision.bounds);
+        let before = mem::replace(&mut self.state.bounds, decision.bounds);
         let seen = stepped.map_err(|failure| {
             let error = self.failed(failure);
-            self.bounds = before;
+            self.state.bounds = before;
             self.make_flat();
             // Contact may have read the state and found that an earlier step failed.
             if self.backend() == Backend::Gpu && matches!(error, StepError::Unstable { .. }) {
@@ -359,11 +357,12 @@ impl Deformer {
         let &StepDecision { dt, substep_rate, division: Division { substeps, .. }, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
-        self.watch = self.watch.with_step(attributes, f64::from(dt), &fastest);
-        (self.motion.dt, self.motion.h, self.motion.placed) = (dt, dt / substeps as f32, None);
-        self.motion.colliders.clone_from(&attributes.colliders);
-        self.motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
-        self.gravity = attributes.gravity;
+        self.state.watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
+        let motion = &mut self.state.motion;
+        (motion.dt, motion.h, motion.placed) = (dt, dt / substeps as f32, None);
+        motion.colliders.clone_from(&attributes.colliders);
+        motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
+        self.state.gravity = attributes.gravity;
         self.is_current = false;
         let mut warnings = self.warnings(decision, limited);
         warnings.extend(self.contact_warnings(attributes));
@@ -378,11 +377,11 @@ impl Deformer {
     /// are forgotten: those of the next step have no velocity unless [`Deformer::place_colliders`] is called again. A lost GPU is
     /// not reported here, but by the next step or read.
     pub fn reset(&mut self) {
-        self.motion = Motion::placed(&self.cloth, &self.cloth.rest, &[]);
-        self.watch = self.watch.placed(&self.cloth, &self.cloth.rest, &[]);
-        self.gravity = Vec3::ZERO;
+        self.state.motion = Motion::placed(&self.cloth, &self.cloth.rest, &[]);
+        self.state.watch = self.state.watch.placed(&self.cloth, &self.cloth.rest, &[]);
+        self.state.gravity = Vec3::ZERO;
         self.forget();
-        self.still = Stillness::default();
+        self.state.still = Stillness::default();
         self.engine.set(&self.cloth.rest, &vec![Vec4::ZERO; self.cloth.rest.len()]);
         self.flat_start = FlatStart::at_rest(&self.cloth);
         self.is_current = false;

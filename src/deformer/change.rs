@@ -71,8 +71,8 @@ impl Deformer {
             self.hierarchy = Hierarchy::default();
         }
         self.rates = self.rates.changed(&cloth, &options);
-        self.watch = Watch::new(&cloth, &options).with_past(&self.watch);
-        self.controller = if bends_alike { self.controller } else { self.controller.afresh() }.changed();
+        self.state.watch = Watch::new(&cloth, &options).with_past(&self.state.watch);
+        self.state.controller = if bends_alike { self.state.controller } else { self.state.controller.afresh() }.changed();
         self.coefficients = None;
         (self.cloth, self.options, self.is_current) = (cloth, options, false);
         self.wake();
@@ -81,20 +81,20 @@ impl Deformer {
 
     /// Updates the pins' positions and velocities; pins that stay keep theirs.
     fn repin(&mut self, cloth: &Cloth, x: &[Vec4]) {
-        let Motion { pins, pin_velocities, .. } = &self.motion;
+        let Motion { pins, pin_velocities, .. } = &self.state.motion;
         let mut before = vec![None; x.len()];
         self.cloth.pinned.iter().enumerate().for_each(|(place, &vertex)| before[vertex as usize] = Some(place));
         let place: Vec<Option<usize>> = cloth.pinned.iter().map(|&vertex| before[vertex as usize]).collect();
         let at = |(place, &vertex): (&Option<usize>, &u32)| place.map_or(x[vertex as usize].truncate(), |place| pins[place]);
         let pins = place.iter().zip(&cloth.pinned).map(at).collect();
         // The first pins of cloth that moves as a whole stop it.
-        let course = self.motion.course_of_free(&self.cloth);
+        let course = self.state.motion.course_of_free(&self.cloth);
         let velocity =
             |place: &Option<usize>| place.map_or(course, |place| pin_velocities.get(place).copied().unwrap_or_default());
         let pin_velocities = match pin_velocities.is_empty() && course == Vec3::ZERO {
             true => Vec::new(),
             false => place.iter().map(velocity).collect(),
         };
-        (self.motion.pins, self.motion.pin_velocities) = (pins, pin_velocities);
+        (self.state.motion.pins, self.state.motion.pin_velocities) = (pins, pin_velocities);
     }
 }

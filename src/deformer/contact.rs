@@ -45,7 +45,7 @@ impl Deformer {
 
     /// Checks that contact of this thickness (m) can hold the cloth, and follow the pins and mesh colliders.
     pub(super) fn check_contact(&self, attributes: &Attributes, thickness: f64) -> Result<(), StepError> {
-        let Deformer { cloth, motion, .. } = self;
+        let (cloth, motion) = (&self.cloth, &self.state.motion);
         let across = cloth.sides.max_element() as f32;
         // A thickness that was chosen was compared with the cloth when the cloth was made.
         if let (Some(index), true) =

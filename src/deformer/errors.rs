@@ -15,7 +15,7 @@ impl Deformer {
         match failure {
             Failure::Unstable { cause, step } => {
                 let named = |vertex: usize| self.cloth.order[vertex] as usize;
-                let Bounds { speed, edge_length: length } = self.bounds;
+                let Bounds { speed, edge_length: length } = self.state.bounds;
                 let (vertex, cause) = match cause {
                     Defect::Lost(vertex) => (named(vertex), Instability::NotFinite { vertex: named(vertex) }),
                     Defect::Energy(vertex) => (named(vertex), Instability::Energy { vertex: named(vertex), speed }),

@@ -47,7 +47,7 @@ impl Deformer {
         self.engine.check(quality)?;
         if quality != self.options.quality {
             if !matches!((quality, self.options.quality), (Quality::Substeps(_), Quality::Substeps(_))) {
-                self.controller = self.controller.afresh();
+                self.state.controller = self.state.controller.afresh();
             }
             self.options = options;
             self.wake();
@@ -73,20 +73,21 @@ impl Deformer {
     /// The controller that chooses the substeps of a step of `dt` (s).
     pub(super) fn controlled(&self, dt: f32, load: &Load, caution: Caution, has_contact: bool) -> Controller {
         match (self.strain_bound(), self.options.quality) {
-            (Some(strain_bound), _) => self.controller.next(&self.rates, &self.cloth, (strain_bound, caution), load, dt),
+            (Some(strain_bound), _) => self.state.controller.next(&self.rates, &self.cloth, (strain_bound, caution), load, dt),
             (None, Quality::Budget(time)) => {
                 // The controller counts substeps per 1/60 s.
                 let steps = f64::from(dt) * SIXTIETHS;
-                let fitting = self.pace.fitting(1e-3 * f64::from(time), self.controller.count() * steps);
+                let fitting = self.state.pace.fitting(1e-3 * f64::from(time), self.state.controller.count() * steps);
                 let most = most(&self.rates, &self.cloth);
                 // With fewer, cloth is stretched so far that contact takes longer, not less.
                 let weight = load.weight(&self.cloth);
                 let taut = (self.rates.keeping(weight, TAUT) / SIXTIETHS).clamp(FEWEST_SUBSTEPS, most);
                 let least = if has_contact { taut } else { 1.0 };
-                self.controller
+                self.state
+                    .controller
                     .with_count(fitting.map_or(least.max(FEWEST_SUBSTEPS), |substeps| (substeps / steps).clamp(least, most)))
             }
-            _ => self.controller,
+            _ => self.state.controller,
         }
     }
 
@@ -111,7 +112,7 @@ impl Deformer {
         };
         may && self.backend() == Backend::Gpu
             && self.strain_bound().is_some()
-            && !is_gale(&self.cloth, pressure, self.controller.levels())
+            && !is_gale(&self.cloth, pressure, self.state.controller.levels())
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.
@@ -123,8 +124,8 @@ impl Deformer {
 
     /// Discards what was learned from the motion, and wakes the cloth.
     pub(super) fn forget(&mut self) {
-        (self.controller, self.seen) = (Controller::default(), None);
-        self.awaiting_statistics.clear();
+        (self.state.controller, self.state.seen) = (Controller::default(), None);
+        self.state.awaiting_statistics.clear();
         self.has_arrived = false;
         self.wake();
     }
@@ -137,29 +138,29 @@ impl Deformer {
         seen: Option<&Statistics>,
         warnings: &mut Vec<Warning>,
     ) -> Option<Stretch> {
-        self.controller = decision.controller;
+        self.state.controller = decision.controller;
         if !self.is_observed(attributes) {
-            self.awaiting_statistics.clear();
-            self.seen = None;
-            self.motion.course = Vec3::ZERO;
+            self.state.awaiting_statistics.clear();
+            self.state.seen = None;
+            self.state.motion.course = Vec3::ZERO;
             return None;
         }
         let mut dropped = 0.0;
         if self.engine.contact().is_some() {
             // Such a step waits for its own statistics; those of earlier ones are dropped.
             dropped = self.late();
-            self.awaiting_statistics.clear();
+            self.state.awaiting_statistics.clear();
         }
-        self.awaiting_statistics.push_back(*decision);
+        self.state.awaiting_statistics.push_back(*decision);
         let seen = seen?;
-        let decision = self.awaiting_statistics.pop_front()?;
+        let decision = self.state.awaiting_statistics.pop_front()?;
         let strain_bound = self.strain_bound();
         if let Some(strain_bound) = strain_bound {
             let holds = self.holds(strain_bound, warnings);
             warnings.extend(self.learn(&decision, strain_bound, seen, holds));
         }
-        if let Some(before) = self.seen.replace(*seen) {
-            self.motion.observe([&before, seen], dropped + decision.dt);
+        if let Some(before) = self.state.seen.replace(*seen) {
+            self.state.motion.observe([&before, seen], dropped + decision.dt);
         }
         let share = seen.stretch_of(f64::from(strain_bound.map_or(Quality::MOST_OF_THE_AREA, |strain_bound| strain_bound.share)));
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
@@ -193,10 +194,10 @@ impl Deformer {
         let with_most = times < 1.001;
         let caution = self.caution(*has_contact, *trades_levels);
         let known =
-            self.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));
+            self.state.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));
         let beyond = |known| excess(&self.cloth, load, [measured, known], share, resolved);
         let law = self.rates.strain(load.stress(&self.cloth), longest);
-        self.controller.learn(law, beyond(known), caution, *dt, holds.is_some());
+        self.state.controller.learn(law, beyond(known), caution, *dt, holds.is_some());
         // More substeps do not help, but that is no reason to keep silent: neither while the cloth is jerked, nor where what holds
         // it stretches it by more than a garment can be too narrow.
         let excess = beyond(accepted(&self.cloth, load, known, share));

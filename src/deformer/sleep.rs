@@ -23,7 +23,7 @@ impl Deformer {
     /// Whether the cloth sleeps through a step under `attributes`.
     pub(super) fn sleeps(&self, attributes: &Attributes) -> bool {
         let Some(sleep) = self.options.sleep else { return false };
-        self.still.time > sleep.after && self.still.attributes == *attributes
+        self.state.still.time > sleep.after && self.state.still.attributes == *attributes
     }
 
     /// Records a step of `dt` (s) and whether the cloth moved in it.
@@ -31,10 +31,10 @@ impl Deformer {
         let Some(sleep) = self.options.sleep else { return };
         let late = self.late();
         // Without pins, speeds are counted relative to the course.
-        let travels = self.motion.course_of_free(&self.cloth) != Vec3::ZERO;
+        let travels = self.state.motion.course_of_free(&self.cloth) != Vec3::ZERO;
         let moves =
             |seen: &Statistics| travels || seen.rms_speed() > sleep.mean_speed || f32::from_bits(seen.fastest) > sleep.speed;
-        let Stillness { attributes: last, time } = &mut self.still;
+        let Stillness { attributes: last, time } = &mut self.state.still;
         *time = match last == attributes {
             true if seen.is_none_or(moves) => time.min(0.0),
             true => *time + dt,
@@ -55,11 +55,11 @@ impl Deformer {
 
     /// Wakes the cloth.
     pub(super) fn wake(&mut self) {
-        self.still.time = 0.0 - self.late();
+        self.state.still.time = 0.0 - self.late();
     }
 
     /// The duration (s) of the steps whose statistics have not arrived: on a GPU the last three.
     pub(super) fn late(&self) -> f32 {
-        self.awaiting_statistics.iter().map(|decision| decision.dt).fold(0.0, |sum, dt| sum + dt)
+        self.state.awaiting_statistics.iter().map(|decision| decision.dt).fold(0.0, |sum, dt| sum + dt)
     }
 }

@@ -1,11 +1,8 @@
 //! Snapshots: their content, their encoding, and how a motion continues from one.
 
-use std::collections::VecDeque;
-
 use glam::{Vec3, Vec4};
 
-use super::sleep::Stillness;
-use super::{Deformer, StepDecision};
+use super::{Deformer, State, StepDecision};
 use crate::deformer::imperfection::FlatStart;
 use crate::error::{StateError, StepError};
 use crate::kernels::limits::is_bounded;
@@ -13,10 +10,6 @@ use crate::kernels::statistics::Statistics;
 use crate::options::Options;
 use crate::past::Past;
 use crate::record::{Hash, Recorded, recorded};
-use crate::step::controller::Controller;
-use crate::step::motion::Motion;
-use crate::step::pace::Pace;
-use crate::step::watch::{Bounds, Watch};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
@@ -107,29 +100,15 @@ struct Content {
     identity: Vec<u64>,
     /// SIMD lanes of the processor; `None` if it computed nothing.
     lanes: Option<u32>,
-    state: State,
-}
-
-/// Everything that the next step depends on.
-#[derive(Debug, Default)]
-struct State {
     /// Positions (m) and displacements (m), in the solver's vertex order.
     x: Vec<Vec3>,
     p: Vec<Vec3>,
     engine: Past,
-    motion: Motion,
-    controller: Controller,
-    awaiting_statistics: VecDeque<StepDecision>,
-    seen: Option<Statistics>,
-    pace: Pace,
-    still: Stillness,
-    watch: Watch,
-    bounds: Bounds,
-    gravity: Vec3,
+    state: State,
 }
 
-recorded!(Content { identity, lanes, state });
-recorded!(State { x, p, engine, motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
+recorded!(Content { identity, lanes, x, p, engine, state });
+recorded!(State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
 recorded!(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels } but { fastest, bounds });
 
 impl Deformer {
@@ -150,23 +129,9 @@ impl Deformer {
     pub fn snapshot(&mut self) -> Result<Snapshot, StepError> {
         let [x, p] = self.read_state()?.map(|vectors| vectors.iter().map(|v| v.truncate()).collect());
         let engine = self.engine.past().map_err(|failure| self.failed(failure))?;
-        let state = State {
-            x,
-            p,
-            engine,
-            motion: self.motion.clone(),
-            controller: self.controller,
-            awaiting_statistics: self.awaiting_statistics.clone(),
-            seen: self.seen,
-            pace: self.pace.clone(),
-            still: self.still.clone(),
-            watch: self.watch,
-            bounds: self.bounds,
-            gravity: self.gravity,
-        };
         let identity = self.identity().iter().map(|(_, hash)| hash.0).collect();
         let lanes = self.engine.lanes().map(|lanes| lanes as u32);
-        Ok(Snapshot::encode(Content { identity, lanes, state }))
+        Ok(Snapshot::encode(Content { identity, lanes, x, p, engine, state: self.state.clone() }))
     }
 
     /// Continues from a snapshot of this cloth, or of another one with the same mesh and options. Takes about as long
@@ -177,45 +142,41 @@ impl Deformer {
     /// differently, [`StateError::Altered`] if the content is impossible, and [`StateError::Step`] if the GPU was lost.
     /// The state is then unchanged.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StateError> {
-        let Content { identity, lanes, state } = decode(&snapshot.bytes)?;
+        let content = decode(&snapshot.bytes)?;
         let own = self.identity();
-        if identity.len() != own.len() {
+        if content.identity.len() != own.len() {
             return Err(StateError::Altered);
         }
-        if let Some(((what, _), _)) = own.iter().zip(&identity).find(|((_, own), other)| own.0 != **other) {
+        if let Some(((what, _), _)) = own.iter().zip(&content.identity).find(|((_, own), other)| own.0 != **other) {
             return Err(StateError::Other { what });
         }
         let here = self.engine.lanes().map(|lanes| lanes as u32);
-        if let (Some(taken), Some(here)) = (lanes, here)
+        if let (Some(taken), Some(here)) = (content.lanes, here)
             && taken != here
         {
             return Err(StateError::Lanes { taken, here });
         }
-        if !self.fits(&state) {
+        if !self.fits(&content) {
             return Err(StateError::Altered);
         }
-        let rest = &self.cloth.rest;
-        let x: Vec<Vec4> = state.x.iter().zip(rest).map(|(x, rest)| x.extend(rest.w)).collect();
-        let p: Vec<Vec4> = state.p.iter().map(|p| p.extend(state.motion.h)).collect();
-        let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &state.engine);
+        let Content { x, p, engine, state, .. } = content;
+        let x: Vec<Vec4> = x.iter().zip(&self.cloth.rest).map(|(x, rest)| x.extend(rest.w)).collect();
+        let p: Vec<Vec4> = p.iter().map(|p| p.extend(state.motion.h)).collect();
+        let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &engine);
         if !resumed.map_err(|failure| StateError::Step(self.failed(failure)))? {
             return Err(StateError::Altered);
         }
-        let State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity, .. } = state;
-        self.watch = self.watch.with_past(&watch);
-        (self.motion, self.controller, self.awaiting_statistics, self.seen) = (motion, controller, awaiting_statistics, seen);
-        (self.pace, self.still, self.bounds) = (pace, still, bounds);
-        self.gravity = gravity;
-        let is_placed = self.motion.dt == 0.0 && self.motion.h == 0.0;
+        self.state = State { watch: self.state.watch.with_past(&state.watch), ..state };
+        let is_placed = self.state.motion.dt == 0.0 && self.state.motion.h == 0.0;
         self.flat_start = if is_placed { FlatStart::placed(&x, &p, &self.cloth) } else { None };
         (self.is_current, self.has_arrived) = (false, false);
         Ok(())
     }
 
-    /// Whether a state can belong to this cloth.
-    fn fits(&self, state: &State) -> bool {
+    /// Whether the content can belong to this cloth.
+    fn fits(&self, content: &Content) -> bool {
         let (vertices, pins) = (self.cloth.rest.len(), self.cloth.pinned.len());
-        let State { x, p, engine, motion, awaiting_statistics, seen, .. } = state;
+        let Content { x, p, engine, state: State { motion, awaiting_statistics, seen, .. }, .. } = content;
         let counts = |seen: &Statistics| seen.speed.iter().map(|&count| u64::from(count)).sum::<u64>() <= vertices as u64;
         [x.len(), p.len()] == [vertices; 2]
             && x.iter().chain(p).all(|v| is_bounded(*v))

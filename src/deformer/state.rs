@@ -116,10 +116,10 @@ impl Deformer {
         let cloth = &self.cloth;
         let mut p: Vec<Vec4> = cloth.order.iter().map(|&vertex| velocities[vertex as usize].extend(0.0)).collect();
         cloth.stop_loose(&mut p);
-        self.motion = Motion::placed(cloth, x, &p);
+        self.state.motion = Motion::placed(cloth, x, &p);
         let led = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
-        self.motion.pin_velocities = led.collect();
-        self.watch = self.watch.placed(cloth, x, &p);
+        self.state.motion.pin_velocities = led.collect();
+        self.state.watch = self.state.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.flat_start = FlatStart::placed(x, &p, &self.cloth);
         self.forget();
@@ -135,7 +135,7 @@ impl Deformer {
     pub fn place_colliders(&mut self, colliders: &[Collider]) -> Result<(), StepError> {
         let attributes = Attributes { colliders: colliders.to_vec(), ..Attributes::default() };
         attributes.validate(0)?;
-        self.motion.colliders = attributes.colliders;
+        self.state.motion.colliders = attributes.colliders;
         self.wake();
         Ok(())
     }
@@ -150,9 +150,9 @@ impl Deformer {
         let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
         let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
         // A mesh collider has no inside.
-        let solid = self.motion.colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
+        let solid = self.state.motion.colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
         let colliders: Vec<Collider> = solid.map(|collider| collider.relative_to(cloth.origin)).collect();
-        Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.gravity, &colliders))
+        Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.state.gravity, &colliders))
     }
 
     /// The edges of the cloth that pass through its triangles, computed in double precision, whether
@@ -270,7 +270,7 @@ impl Deformer {
         let (last_h, read) = self.read_engine();
         if let Err(failure) = read {
             // The GPU has returned to its last good state, and the next step starts from there.
-            self.motion = last_h.map_or_else(|| self.motion.clone(), |h| Motion::after(&self.cloth, &self.local, h));
+            self.state.motion = last_h.map_or_else(|| self.state.motion.clone(), |h| Motion::after(&self.cloth, &self.local, h));
             return Err(self.failed(failure));
         }
         self.is_current = true;
@@ -280,14 +280,14 @@ impl Deformer {
     /// After a step that has found out that an earlier one failed: the GPU has returned to the state before that.
     pub(super) fn start_from_engine_state(&mut self) {
         if let (Some(h), _) = self.read_engine() {
-            self.motion = Motion::after(&self.cloth, &self.local, h);
+            self.state.motion = Motion::after(&self.cloth, &self.local, h);
         }
     }
 
     /// Reads the state, and the duration (s) of the substep that led to it, if it can be read.
     fn read_engine(&mut self) -> (Option<f32>, Result<(), Failure>) {
         let cloth = &self.cloth;
-        let unit = self.motion.unit();
+        let unit = self.state.motion.unit();
         let (positions, velocities, local) = (&mut self.positions, &mut self.velocities, &mut self.local);
         let mut last_h = None;
         let read = self.engine.read(|x, p| {

@@ -58,12 +58,12 @@ impl Deformer {
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {
-            let (dt, pin_velocities) = (self.motion.dt, std::mem::take(&mut self.motion.pin_velocities));
+            let (dt, pin_velocities) = (self.state.motion.dt, std::mem::take(&mut self.state.motion.pin_velocities));
             self.place(&x, &self.velocities.clone());
             // What moves goes on from where it is now.
             self.flat_start = self.flat_start.take().filter(|_| dt == 0.0);
-            (self.motion.dt, self.motion.pin_velocities) = (dt, pin_velocities);
-            self.motion.colliders.clone_from(&attributes.colliders);
+            (self.state.motion.dt, self.state.motion.pin_velocities) = (dt, pin_velocities);
+            self.state.motion.colliders.clone_from(&attributes.colliders);
         }
         Ok(Untangled { before, after, farthest })
     }

@@ -41,13 +41,13 @@ impl Deformer {
         let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &past);
         resumed.map_err(|failure| self.failed(failure))?;
         self.flat_start = self.flat_start.take().and_then(|_| FlatStart::placed(&x, &p, &self.cloth));
-        self.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
-        self.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
-        self.motion.course = rigid.vector(self.motion.course);
-        let course = self.motion.course_of_free(&self.cloth);
-        self.motion.placed = self.motion.placed.map(|_| Place::of(&x, &p, course));
-        self.motion.colliders.clear();
-        self.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
+        self.state.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
+        self.state.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
+        self.state.motion.course = rigid.vector(self.state.motion.course);
+        let course = self.state.motion.course_of_free(&self.cloth);
+        self.state.motion.placed = self.state.motion.placed.map(|_| Place::of(&x, &p, course));
+        self.state.motion.colliders.clear();
+        self.state.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
         self.wake();
         (self.is_current, self.has_arrived) = (false, false);
         Ok(())
