@@ -249,6 +249,18 @@ impl Collider {
     }
 }
 
+impl Shape {
+    /// The spheres at both ends of a round shape, by their centers and radii (m); those of a sphere are the same.
+    pub(crate) fn ends(&self) -> Option<[(Vec3, f32); 2]> {
+        match *self {
+            Shape::Sphere { center, radius } => Some([(center, radius); 2]),
+            Shape::Capsule { a, b, radius } => Some([(a, radius), (b, radius)]),
+            Shape::TaperedCapsule { a, radius_a, b, radius_b } => Some([(a, radius_a), (b, radius_b)]),
+            Shape::Plane { .. } | Shape::RoundedBox { .. } | Shape::Mesh { .. } => None,
+        }
+    }
+}
+
 recorded!(Collider { shape, friction, id, teleported });
 
 impl Recorded for Shape {

@@ -18,11 +18,10 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
     let last = if discriminant(&last) == discriminant(&shape) { last } else { shape.clone() };
     // A sharp edge (radius 0) is not enlarged.
     let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest_edge.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
-    // From the two ends with their radii, at the step's start and end. A sphere has the same end twice.
-    let round = |from: [(Vec3, f32); 2], to: [(Vec3, f32); 2]| {
+    if let (Some(from), Some(to)) = (last.ends(), shape.ends()) {
         let [from_radii, to_radii] = [from, to].map(|ends| ends.map(|(_, radius)| radius + sagitta(radius)));
         let [from_taper, to_taper] = [from_radii, to_radii].map(|[a, b]| b - a);
-        Body {
+        return Body {
             a: from[0].0.to_array(),
             radius: from_radii[0],
             b: from[1].0.to_array(),
@@ -34,19 +33,9 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
             c: [from_taper, 0.0, 0.0, 0.0],
             c_travel: [to_taper - from_taper, 0.0, 0.0, 0.0],
             ..Body::default()
-        }
-    };
+        };
+    }
     match (shape, last) {
-        (Shape::Sphere { center: to, radius: r1 }, Shape::Sphere { center: from, radius: r0 }) => {
-            round([(from, r0); 2], [(to, r1); 2])
-        }
-        (Shape::Capsule { a, b, radius }, Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
-            round([(a0, r0), (b0, r0)], [(a, radius), (b, radius)])
-        }
-        (
-            Shape::TaperedCapsule { a, radius_a, b, radius_b },
-            Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
-        ) => round([(a0, ra0), (b0, rb0)], [(a, radius_a), (b, radius_b)]),
         (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
             // Without friction only a plane's motion along its normal has an effect. A rotation of the plane is applied
             // at once.

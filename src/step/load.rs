@@ -282,23 +282,17 @@ const STEPS_AHEAD: f64 = 4.0;
 /// the shapes are of different kinds.
 pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3) -> f64 {
     let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3() - by.as_dvec3();
+    if discriminant(now) != discriminant(last) {
+        return 0.0;
+    }
+    if let (Some(now), Some(last)) = (now.ends(), last.ends()) {
+        let end = |k: usize| apart(now[k].0, last[k].0).length() + f64::from((now[k].1 - last[k].1).abs());
+        return end(0).max(end(1));
+    }
     match (now, last) {
-        (&Shape::Sphere { center, radius }, &Shape::Sphere { center: c0, radius: r0 }) => {
-            apart(center, c0).length() + f64::from((radius - r0).abs())
-        }
-        (&Shape::Capsule { a, b, radius }, &Shape::Capsule { a: a0, b: b0, radius: r0 }) => {
-            apart(a, a0).length().max(apart(b, b0).length()) + f64::from((radius - r0).abs())
-        }
         // Motion within the plane only drags by friction, which does not push the cloth.
         (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, .. }) => {
             apart(point, p0).dot(normal.as_dvec3().normalize()).abs()
-        }
-        (
-            &Shape::TaperedCapsule { a, radius_a, b, radius_b },
-            &Shape::TaperedCapsule { a: a0, radius_a: ra0, b: b0, radius_b: rb0 },
-        ) => {
-            let end = |by: f64, radius: f32, r0: f32| by + f64::from((radius - r0).abs());
-            end(apart(a, a0).length(), radius_a, ra0).max(end(apart(b, b0).length(), radius_b, rb0))
         }
         (&Shape::RoundedBox { center, half, rotation, .. }, &Shape::RoundedBox { center: c0, half: h0, rotation: q0, .. }) => {
             // A corner turned by an angle moves along a chord of `2 sin(angle/2)` times its distance; the quaternions
