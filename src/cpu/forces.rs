@@ -7,6 +7,7 @@ use glam::Vec3A;
 use crate::cpu::bend_filter::{Filter, FilterArrays, FilterMoments, TrialDisplacements};
 use crate::cpu::force_batches::{PanelBatches, RingBatches};
 use crate::cpu::force_loops::{BendForces, BendMoments, DampedMoments, PanelForces};
+use crate::cpu::partition::{distinct, tile_with};
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::kernels::integrate::{pin_displacement, xyz};
 use crate::kernels::params::Substep;
@@ -86,13 +87,8 @@ impl ForceArrays {
         if wind {
             let panels = &plan.cloth.panels().panels;
             self.panels = PanelBatches::new(plan.cloth, panels, width.lanes());
-            let tile = |vertex: u32| tiles.partition_point(|tile| tile.end <= vertex) as u32;
-            for panels in panels.chunks(GRAIN) {
-                let mut touched: Vec<u32> = panels.iter().flat_map(|panel| panel.corners).map(tile).collect();
-                touched.sort_unstable();
-                touched.dedup();
-                self.panel_tiles.push(touched);
-            }
+            let corners = panels.chunks(GRAIN).map(|panels| panels.iter().flat_map(|panel| panel.corners));
+            self.panel_tiles = corners.map(|corners| distinct(corners.map(|vertex| tile_with(tiles, vertex)))).collect();
         }
     }
 

@@ -59,6 +59,19 @@ pub(crate) struct Piece {
     pub touches: Vec<u32>,
 }
 
+/// The tile with a vertex; `tiles` are ascending ranges.
+pub(crate) fn tile_with(tiles: &[Range<u32>], vertex: u32) -> u32 {
+    tiles.partition_point(|tile| tile.end <= vertex) as u32
+}
+
+/// The numbers in ascending order, each once.
+pub(crate) fn distinct(numbers: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut numbers: Vec<u32> = numbers.collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
 /// Inserts a tile into a short sorted list, unless it is there.
 fn insert(list: &mut Vec<u32>, tile: u32) {
     if let Err(place) = list.binary_search(&tile) {
@@ -239,9 +252,7 @@ fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [
     for (pieces, given) in rounds.iter_mut().zip(given) {
         for (piece, given) in pieces.iter_mut().zip(given) {
             let ends = piece.edges.iter().flat_map(|&place| links[place as usize].ends);
-            piece.touches = ends.chain(given.iter().copied()).map(|vertex| tile_of[vertex as usize]).collect();
-            piece.touches.sort_unstable();
-            piece.touches.dedup();
+            piece.touches = distinct(ends.chain(given.iter().copied()).map(|vertex| tile_of[vertex as usize]));
             piece.touches.shrink_to_fit();
             piece.vertices = runs(given.into_iter());
         }

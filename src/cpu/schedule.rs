@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use crate::cpu::coarse::Coarse;
-use crate::cpu::partition::Partition;
+use crate::cpu::partition::{Partition, distinct, tile_with};
 use crate::cpu::stages::{Stage, Terms, prologue, stages};
 use crate::cpu::tasks::scheduler::{Graph, PassTasks};
 use crate::simd::MAX_LANES;
@@ -187,7 +187,7 @@ impl Resources<'_> {
             return vec![self.count() as u32 - 1];
         }
         let first = self.first_of_level(level) as u32;
-        sorted(aggregates.map(|aggregate| first + tile_of(&self.coarse.partition(level).tiles, aggregate)))
+        distinct(aggregates.map(|aggregate| first + tile_with(&self.coarse.partition(level).tiles, aggregate)))
     }
 
     /// The resources that each task of a pass accesses.
@@ -201,7 +201,7 @@ impl Resources<'_> {
                 vec![(self.first_of_level(first.saturating_sub(1)) as u32..self.count() as u32).collect()]
             }
             Domain::Chunks => {
-                let tile = |chunk: &Range<u32>| tile_of(&partition.tiles, chunk.start);
+                let tile = |chunk: &Range<u32>| tile_with(&partition.tiles, chunk.start);
                 let around = pass[0].reads_neighbors();
                 let touched = |tile: u32| if around { partition.around[tile as usize].clone() } else { vec![tile] };
                 self.chunks.into_iter().flatten().map(|chunk| touched(tile(chunk))).collect()
@@ -262,15 +262,4 @@ impl Resources<'_> {
             _ => Vec::new(),
         }
     }
-}
-
-fn sorted(resources: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut resources: Vec<u32> = resources.collect();
-    resources.sort_unstable();
-    resources.dedup();
-    resources
-}
-
-fn tile_of(tiles: &[Range<u32>], item: u32) -> u32 {
-    tiles.partition_point(|tile| tile.end <= item) as u32
 }
