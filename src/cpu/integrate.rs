@@ -45,7 +45,8 @@ impl Integrator<'_> {
     /// Saves the state of a tile's vertices at the step's start.
     pub(crate) fn remember(&self, task: &Task, tile: Range<u32>) {
         for (values, good) in [(self.x, &self.good[0]), (self.u, &self.good[1])] {
-            simd::run(self.width, Copy { from: values.within(task), to: good.within(task), vertices: range(&tile) });
+            let (values, good) = (values.within(task), good.within(task));
+            range(&tile).for_each(|vertex| good.set(vertex, values.get(vertex)));
         }
     }
 
@@ -75,25 +76,6 @@ impl Integrator<'_> {
 
 fn range(vertices: &Range<u32>) -> Range<usize> {
     vertices.start as usize..vertices.end as usize
-}
-
-/// Copies the vectors of a tile's vertices. Tiles begin at a multiple of the SIMD width and arrays are padded to it.
-struct Copy<'t> {
-    from: View<'t>,
-    to: View<'t>,
-    vertices: Range<usize>,
-}
-
-impl Loop for Copy<'_> {
-    #[inline(always)]
-    fn run<L: Registers>(self) {
-        for first in self.vertices.step_by(L::LANES) {
-            let (from, to) = (self.from.row::<L>(first as u32), self.to.row::<L>(first as u32));
-            for k in 0..4 {
-                to.set(k, from.get(k));
-            }
-        }
-    }
 }
 
 /// Predicts displacements of a tile's vertices. Tiles begin at a multiple of the SIMD width.
