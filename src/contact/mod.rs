@@ -44,7 +44,7 @@ mod common_motion;
 pub(crate) mod constants;
 mod contacts;
 pub(crate) mod crossings;
-mod detection;
+pub(crate) mod detection;
 #[cfg(feature = "gpu")]
 pub(crate) mod device;
 mod input;
@@ -52,7 +52,7 @@ mod listing;
 mod momentum;
 mod past;
 mod ranges;
-mod surface;
+pub(crate) mod surface;
 pub(crate) mod untangle;
 mod vertices;
 mod workers;
@@ -84,7 +84,6 @@ use detection::rows::Rows;
 use detection::tree::Tree;
 use input::{ContactInput, Path, SubstepContext};
 pub(crate) use momentum::returns_momentum;
-use past::Checkpoint;
 pub(crate) use past::ContactPast;
 use surface::Surface;
 use vertices::Pushes;
@@ -134,7 +133,8 @@ pub(crate) struct TriangleContact {
     /// The number of pairs if there were too many; 0 otherwise.
     pub too_many: usize,
     pub tally: Tally,
-    checkpoint: Checkpoint,
+    /// The state at the start of the step.
+    checkpoint: ContactPast,
 }
 
 impl TriangleContact {
@@ -161,7 +161,7 @@ impl TriangleContact {
             h: 0.0,
             too_many: 0,
             tally: Tally::default(),
-            checkpoint: Checkpoint::default(),
+            checkpoint: ContactPast::default(),
         })
     }
 

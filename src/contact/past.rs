@@ -3,8 +3,6 @@
 
 use std::sync::Arc;
 
-use glam::Vec4;
-
 use super::TriangleContact;
 use super::detection::paths::Paths;
 use super::detection::rows::Rows;
@@ -12,43 +10,53 @@ use super::surface::Surface;
 use super::surface::pairs::{Kind, Listed, corners};
 use crate::kernels::rigid::Rigid;
 use crate::model::mesh::Mesh;
-use crate::record::recorded;
+use crate::record::{Recorded, Tape, Unreadable, recorded};
 
-/// The saved state: everything that the next substep depends on.
+/// The saved state: everything that the next substep depends on. It is also kept at a step's start, to go back to if the step fails;
+/// its buffers are then reused from step to step.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ContactPast {
     /// The bodies as their triangles were numbered, and at the end of the last step.
     pub numbered: Vec<Arc<Mesh>>,
     pub(super) bodies: Vec<Arc<Mesh>>,
-    pub(super) lists: [ListedRows; 2],
-    pub(super) paths: Paths,
+    pub(super) lists: [Rows; 2],
+    pub(crate) paths: Paths,
     pub(super) crossings: Vec<[u32; 2]>,
     pub(super) may_cross: bool,
-    pub(super) h: f32,
+    pub(crate) h: f32,
+}
+
+recorded!(ContactPast { numbered, bodies, lists, paths, crossings, may_cross, h });
+
+/// The corners of pairs are not recorded: they follow from the cloth, see [`ContactPast::lists_on`].
+impl Recorded for Rows {
+    fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
+        let Rows { starts, later, pairs, lambda } = self;
+        let mut others: Vec<u32> = pairs.iter().map(|pair| pair.other).collect();
+        let mut thickness: Vec<f32> = pairs.iter().map(|pair| pair.thickness).collect();
+        starts.record(tape)?;
+        later.record(tape)?;
+        others.record(tape)?;
+        thickness.record(tape)?;
+        lambda.record(tape)?;
+        if [thickness.len(), lambda.len()] != [others.len(); 2] {
+            return Err(Unreadable);
+        }
+        let pair = |(other, thickness)| Listed { corners: [0; 4], other, thickness };
+        if let Tape::In(_) = tape {
+            *pairs = others.into_iter().zip(thickness).map(pair).collect();
+        }
+        Ok(())
+    }
 }
 
 impl ContactPast {
     /// Number of listed pairs.
     #[cfg(feature = "gpu")]
     pub(crate) fn pairs(&self) -> usize {
-        self.lists.iter().map(|rows| rows.others.len()).sum()
+        self.lists.iter().map(|rows| rows.pairs.len()).sum()
     }
-}
 
-/// [`Rows`] without the corners of pairs, which follow from the cloth.
-#[derive(Debug, Clone, Default)]
-pub(super) struct ListedRows {
-    pub starts: Vec<u32>,
-    pub later: Vec<u32>,
-    pub others: Vec<u32>,
-    pub thickness: Vec<f32>,
-    pub lambda: Vec<Vec4>,
-}
-
-recorded!(ContactPast { numbered, bodies, lists, paths, crossings, may_cross, h });
-recorded!(ListedRows { starts, later, others, thickness, lambda });
-
-impl ContactPast {
     /// The lists on a surface with this many vertices. `None` if the state cannot belong to it.
     pub(super) fn lists_on(&self, surface: &Surface, vertices: usize) -> Option<[Rows; 2]> {
         let (edges, triangles) = (surface.edges.len(), surface.triangles.len());
@@ -73,31 +81,17 @@ impl ContactPast {
     }
 }
 
-/// The state at the start of a step, to go back to if the step fails. Buffers are kept from step to step.
-#[derive(Debug, Default)]
-pub(super) struct Checkpoint {
-    bodies: Vec<Arc<Mesh>>,
-    lists: [Rows; 2],
-    paths: Paths,
-    crossings: Vec<[u32; 2]>,
-    may_cross: bool,
-    h: f32,
-}
-
 impl TriangleContact {
     /// Keeps what a failed step is to leave as it was.
     pub(crate) fn save(&mut self) {
-        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &mut self.checkpoint;
-        bodies.clone_from(&self.bodies.last);
-        lists.iter_mut().zip(&self.lists).for_each(|(saved, rows)| saved.copy_from(rows));
-        paths.copy_from(&self.paths);
-        crossings.clone_from(&self.crossings.pairs);
-        (*may_cross, *h) = (!self.crossings.are_all, self.h);
+        let mut checkpoint = std::mem::take(&mut self.checkpoint);
+        self.save_to(&mut checkpoint);
+        self.checkpoint = checkpoint;
     }
 
     /// Goes back to where the last step began.
     pub(crate) fn roll_back(&mut self) {
-        let Checkpoint { bodies, lists, paths, crossings, may_cross, h } = &self.checkpoint;
+        let ContactPast { numbered: _, bodies, lists, paths, crossings, may_cross, h } = &self.checkpoint;
         self.bodies.go_back(bodies);
         self.lists.iter_mut().zip(lists).for_each(|(rows, saved)| rows.copy_from(saved));
         self.paths.copy_from(paths);
@@ -109,6 +103,12 @@ impl TriangleContact {
     }
 
     pub(crate) fn past(&self) -> ContactPast {
+        let mut past = ContactPast::default();
+        self.save_to(&mut past);
+        past
+    }
+
+    fn save_to(&self, past: &mut ContactPast) {
         let TriangleContact {
             bodies,
             lists,
@@ -128,22 +128,12 @@ impl TriangleContact {
             tally: _,
             checkpoint: _,
         } = self;
-        let rows = |rows: &Rows| ListedRows {
-            starts: rows.starts.clone(),
-            later: rows.later.clone(),
-            others: rows.pairs.iter().map(|pair| pair.other).collect(),
-            thickness: rows.pairs.iter().map(|pair| pair.thickness).collect(),
-            lambda: rows.lambda.clone(),
-        };
-        ContactPast {
-            numbered: bodies.numbered.clone(),
-            bodies: bodies.last.clone(),
-            lists: [rows(&lists[0]), rows(&lists[1])],
-            paths: paths.clone(),
-            crossings: crossings.pairs.clone(),
-            may_cross: !crossings.are_all,
-            h: *h,
-        }
+        past.numbered.clone_from(&bodies.numbered);
+        past.bodies.clone_from(&bodies.last);
+        past.lists.iter_mut().zip(lists).for_each(|(saved, rows)| saved.copy_from(rows));
+        past.paths.copy_from(paths);
+        past.crossings.clone_from(&crossings.pairs);
+        (past.may_cross, past.h) = (!crossings.are_all, *h);
     }
 
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
@@ -161,24 +151,22 @@ impl TriangleContact {
     }
 }
 
-/// Converts saved lists with this many rows and second features. Returns `None` if they cannot belong to this cloth.
-fn rows(surface: &Surface, kind: Kind, rows: &ListedRows, [features, other_features]: [usize; 2]) -> Option<Rows> {
-    let ListedRows { starts, later, others, thickness, lambda } = rows;
-    let is_whole = starts.is_empty() && others.is_empty() && later.is_empty()
+/// Saved lists with this many rows and second features, with the corners of their pairs. `None` if they cannot belong to this cloth.
+fn rows(surface: &Surface, kind: Kind, rows: &Rows, [features, other_features]: [usize; 2]) -> Option<Rows> {
+    let Rows { starts, later, pairs, .. } = rows;
+    let is_whole = starts.is_empty() && pairs.is_empty() && later.is_empty()
         || starts.len() == features + 1
             && starts.is_sorted()
             && starts[0] == 0
-            && starts[features] as usize + later.len() == others.len()
+            && starts[features] as usize + later.len() == pairs.len()
             && later.iter().all(|&first| (first as usize) < features)
-            && others.iter().all(|&other| (other as usize) < other_features);
-    if !is_whole || [thickness.len(), lambda.len()] != [others.len(); 2] {
+            && pairs.iter().all(|pair| (pair.other as usize) < other_features);
+    if !is_whole {
         return None;
     }
-    let in_rows = (0..).zip(starts.windows(2)).flat_map(|(first, row)| (row[0]..row[1]).map(move |_| first));
-    let numbers = others.iter().zip(thickness);
-    let pairs = in_rows.chain(later.iter().copied()).zip(numbers).map(|(first, (&other, &thickness))| {
-        let corners = corners(surface, kind, [first, other]);
-        Listed { corners, other, thickness }
-    });
-    Some(Rows { pairs: pairs.collect(), starts: starts.clone(), later: later.clone(), lambda: lambda.clone() })
+    let mut whole = rows.clone();
+    for (first, pair) in rows.row_of_each().zip(&mut whole.pairs) {
+        pair.corners = corners(surface, kind, [first, pair.other]);
+    }
+    Some(whole)
 }

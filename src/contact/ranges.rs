@@ -9,7 +9,7 @@ const DIGITS: u32 = 56;
 
 /// Consecutive items in ranges of the same length.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Ranges {
+pub(crate) struct Ranges {
     pub count: usize,
     length: usize,
     /// The inverse of the length, by which items are divided; 0 if there is one range.

@@ -9,8 +9,8 @@
 pub(super) mod boxes;
 mod broad_phase;
 pub(super) mod narrow_phase;
-pub(super) mod paths;
-pub(super) mod rows;
+pub(crate) mod paths;
+pub(crate) mod rows;
 pub(super) mod tree;
 
 use std::ops::Range;

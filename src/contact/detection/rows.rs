@@ -11,7 +11,7 @@ use crate::contact::workers::Workers;
 use crate::model::csr::Csr;
 
 /// The pairs of one kind, in a row for each first feature, with their multipliers.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Rows {
     /// The start of each row, and the end of the last. Pairs that were added later follow.
     pub starts: Vec<u32>,
@@ -125,12 +125,16 @@ impl Rows {
         if self.later.is_empty() {
             return self;
         }
-        let in_rows = (0..).zip(self.starts.windows(2)).flat_map(|(row, span)| (span[0]..span[1]).map(move |place| (row, place)));
-        let rows = self.starts.len() - 1;
-        let places = Csr::new(rows, in_rows.chain(self.later.iter().copied().zip(self.starts[rows]..)));
+        let places = Csr::new(self.starts.len() - 1, self.row_of_each().zip(0_u32..));
         let in_order = places.items.iter().map(|&place| (self.pairs[place as usize], self.lambda[place as usize]));
         let (pairs, lambda) = in_order.unzip();
         Rows { starts: places.starts(), later: Vec::new(), pairs, lambda }
+    }
+
+    /// The row of each pair.
+    pub(crate) fn row_of_each(&self) -> impl Iterator<Item = u32> + Clone {
+        let in_rows = (0..).zip(self.starts.windows(2)).flat_map(|(row, span)| (span[0]..span[1]).map(move |_| row));
+        in_rows.chain(self.later.iter().copied())
     }
 
     /// The places of the pairs of a row, without those that were added later.

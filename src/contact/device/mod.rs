@@ -16,7 +16,6 @@ use super::detection::paths::Paths;
 use super::detection::rows::Rows;
 use super::detection::tree::Tree;
 use super::device::table::{ContactParams, Table};
-use super::past::ListedRows;
 use super::surface::Surface;
 use super::surface::pairs::Kind;
 use crate::model::cloth::Cloth;
@@ -39,30 +38,6 @@ pub(crate) struct HostContact {
     pinched: Vec<u32>,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
-}
-
-/// The lists in the GPU's layout: the rows of the vertices, followed by those of the edges.
-#[derive(Debug, Default, PartialEq)]
-pub(crate) struct DeviceLists {
-    pub starts: Vec<u32>,
-    pub pairs: Vec<DevicePair>,
-    /// The paths: start, with the distance (m) that the vertex may stray in w; displacement per substep, with its
-    /// inverse in w; the number of substeps that they cover, and how many are over.
-    pub from: Vec<Vec4>,
-    pub by: Vec<Vec4>,
-    pub ahead: f32,
-    pub since: Option<f32>,
-    /// The duration (s) of the substep that the multipliers belong to.
-    pub h: f32,
-}
-
-/// A listed pair.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct DevicePair {
-    pub corners: [u32; 4],
-    pub other: u32,
-    pub thickness: f32,
-    pub lambda: Vec4,
 }
 
 impl HostContact {
@@ -220,66 +195,28 @@ impl HostContact {
         (self.crossings.own(&self.surface).collect(), self.crossings.with_bodies(&self.surface).collect())
     }
 
-    /// Converts the state to the form that both backends save.
-    pub(crate) fn past(&self, lists: &DeviceLists) -> ContactPast {
-        let rows = |kind: Kind| {
-            let rows = self.rows_of(kind, lists.starts.len());
-            let starts = lists.starts.get(rows).unwrap_or_default();
-            let first = starts.first().copied().unwrap_or_default();
-            let pairs = &lists.pairs[first as usize..starts.last().copied().unwrap_or_default() as usize];
-            ListedRows {
-                starts: starts.iter().map(|start| start - first).collect(),
-                later: Vec::new(),
-                others: pairs.iter().map(|pair| pair.other).collect(),
-                thickness: pairs.iter().map(|pair| pair.thickness).collect(),
-                lambda: pairs.iter().map(|pair| pair.lambda).collect(),
-            }
-        };
-        let DeviceLists { from, by, ahead, since, h, .. } = lists;
-        let margin = from.iter().map(|from| from.w).collect();
+    /// The state in the form that both backends save.
+    pub(crate) fn past(&self, lists: [Rows; 2], paths: Paths, h: f32) -> ContactPast {
         ContactPast {
             numbered: self.bodies.numbered.clone(),
             bodies: self.bodies.last.clone(),
-            lists: Kind::ALL.map(rows),
-            paths: Paths { from: from.clone(), by: by.clone(), margin, ahead: *ahead, since: *since, renewed: 0 },
+            lists,
+            paths,
             crossings: self.crossings.pairs.clone(),
             may_cross: !self.crossings.are_all,
-            h: *h,
+            h,
         }
     }
 
-    fn rows_of(&self, kind: Kind, starts: usize) -> std::ops::Range<usize> {
-        match (kind, starts) {
-            (_, 0) => 0..0,
-            (Kind::VertexTriangle, _) => 0..self.vertices + 1,
-            (Kind::EdgeEdge, _) => self.vertices..starts,
-        }
-    }
-
-    /// Converts a saved state to the GPU's layout. Returns `None`, and changes nothing, if the state cannot belong to
-    /// this cloth.
-    pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<DeviceLists> {
-        let ContactPast { numbered: _, bodies, lists: _, paths, crossings, may_cross, h } = past;
-        let Paths { from, by, margin, ahead, since, renewed: _ } = paths;
-        let [one, other] = past.lists_on(&self.surface, self.vertices)?.map(Rows::in_rows);
-        let first = one.pairs.len() as u32;
-        let mut starts = one.starts;
-        starts.pop();
-        starts.extend(other.starts.iter().map(|start| first + start));
-        let all = one.pairs.into_iter().zip(one.lambda).chain(other.pairs.into_iter().zip(other.lambda));
-        let pair = |(pair, lambda): (super::surface::pairs::Listed, Vec4)| DevicePair {
-            corners: pair.corners,
-            other: pair.other,
-            thickness: pair.thickness,
-            lambda,
-        };
-        let pairs: Vec<DevicePair> = all.map(pair).collect();
-        if !self.bodies.go_back(bodies) {
+    /// Continues from a saved state. Returns its lists with all pairs in rows; `None`, and changes nothing, if the state cannot
+    /// belong to this cloth.
+    pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<[Rows; 2]> {
+        let lists = past.lists_on(&self.surface, self.vertices)?;
+        if !self.bodies.go_back(&past.bodies) {
             return None;
         }
-        self.crossings.take(crossings.clone(), &self.surface);
-        self.crossings.are_all = !may_cross;
-        let from = from.iter().zip(margin).map(|(from, &margin)| from.with_w(margin)).collect();
-        Some(DeviceLists { starts, pairs, from, by: by.clone(), ahead: *ahead, since: *since, h: *h })
+        self.crossings.take(past.crossings.clone(), &self.surface);
+        self.crossings.are_all = !past.may_cross;
+        Some(lists.map(Rows::in_rows))
     }
 }

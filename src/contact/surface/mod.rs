@@ -4,7 +4,7 @@
 mod caps;
 pub(super) mod lanes;
 pub(super) mod normals;
-pub(super) mod pairs;
+pub(crate) mod pairs;
 
 use std::ops::Range;
 use std::sync::Arc;

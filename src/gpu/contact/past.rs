@@ -2,10 +2,13 @@
 
 use std::ops::Range;
 
+use glam::Vec4;
+
 use super::GpuContact;
 use super::status::{Listed, NEVER, Status, TRACK, Track};
 use crate::contact::ContactPast;
-use crate::contact::device::{DeviceLists, DevicePair};
+use crate::contact::detection::paths::Paths;
+use crate::contact::detection::rows::Rows;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 
@@ -14,7 +17,7 @@ impl GpuContact {
     pub(crate) fn past(&self, gpu: &Gpu) -> Result<ContactPast, GpuFault> {
         let Status { half, since, ahead, h, listed, .. } = self.status;
         if since < 0.0 && listed == 0 {
-            return Ok(self.on_cpu.past(&DeviceLists { h, ..DeviceLists::default() }));
+            return Ok(self.on_cpu.past(Default::default(), Paths::default(), h));
         }
         let (tracks, paths) = (&self.buffers.tracks, (TRACK * self.params.all_vertices as usize) as u64);
         let [with_vertices, with_edges] = self.places(self.room);
@@ -34,18 +37,23 @@ impl GpuContact {
             let mut pairs: Vec<Listed> = bytemuck::pod_collect_to_vec(pairs);
             // The GPU's list has no order.
             pairs.sort_unstable_by_key(|pair| (pair.row, pair.other));
-            let pair =
-                |&Listed { corners, lambda, other, thickness, .. }: &Listed| DevicePair { corners, other, thickness, lambda };
-            let start = |row| pairs.partition_point(|pair| pair.row < row) as u32;
-            self.on_cpu.past(&DeviceLists {
-                starts: (0..=self.params.rows).map(start).collect(),
-                pairs: pairs.iter().map(pair).collect(),
+            let rows = |rows: Range<u32>| {
+                let start = |row| pairs.partition_point(|pair| pair.row < row);
+                let pairs = &pairs[start(rows.start)..start(rows.end)];
+                let starts = (rows.start..=rows.end).map(|row| pairs.partition_point(|pair| pair.row < row) as u32).collect();
+                let lambda = pairs.iter().map(|pair| pair.lambda).collect();
+                Rows { starts, later: Vec::new(), pairs: pairs.iter().map(Listed::pair).collect(), lambda }
+            };
+            let paths = Paths {
                 from: tracks.iter().map(|track| track.start).collect(),
                 by: tracks.iter().map(|track| track.by).collect(),
+                margin: tracks.iter().map(|track| track.start.w).collect(),
                 ahead,
                 since: (since >= 0.0).then_some(since),
-                h,
-            })
+                renewed: 0,
+            };
+            let vertices = self.params.all_vertices;
+            self.on_cpu.past([rows(0..vertices), rows(vertices..self.params.rows)], paths, h)
         })
     }
 
@@ -56,23 +64,21 @@ impl GpuContact {
     pub(crate) fn resume(&mut self, gpu: &Gpu, past: &ContactPast) -> Result<bool, GpuFault> {
         gpu.meets("the list of pairs in contact", (2 * past.pairs() * size_of::<Listed>()) as u64)?;
         let Some(lists) = self.on_cpu.resume(past) else { return Ok(false) };
-        let DeviceLists { starts, pairs, from, by, ahead, since, h } = lists;
-        if pairs.len() > self.room {
-            self.grow(gpu, pairs.len(), 0);
+        let [with_vertices, with_edges] = lists.each_ref().map(|rows| rows.pairs.len() as u32);
+        let listed = with_vertices + with_edges;
+        if listed as usize > self.room {
+            self.grow(gpu, listed as usize, 0);
         }
-        let rows = starts.windows(2).zip(0..).flat_map(|(row, number)| (row[0]..row[1]).map(move |_| number));
-        let pair =
-            |(&DevicePair { corners, other, thickness, lambda }, row)| Listed { corners, lambda, other, thickness, row, next: 0 };
-        let all: Vec<Listed> = pairs.iter().zip(rows).map(pair).collect();
-        let tracks: Vec<Track> = from.iter().zip(&by).map(|(&start, &by)| Track { start, by }).collect();
-        let with_vertices = starts.get(self.params.all_vertices as usize).copied().unwrap_or_default();
-        let (listed, with_edges) = (all.len() as u32, all.len() as u32 - with_vertices);
+        let Paths { from, by, margin, ahead, since, renewed: _ } = &past.paths;
         let since = since.unwrap_or(NEVER);
-        self.status = Status { listed, with_vertices, with_edges, since, ahead, h, ..Status::nothing() };
-        let (first, second) = all.split_at(with_vertices as usize);
-        for (place, pairs) in self.places(self.room).into_iter().zip([first, second]) {
-            gpu.write(&self.buffers.pairs, place.start as usize, pairs);
+        self.status = Status { listed, with_vertices, with_edges, since, ahead: *ahead, h: past.h, ..Status::nothing() };
+        for ((place, first), rows) in self.places(self.room).into_iter().zip([0, self.params.all_vertices]).zip(&lists) {
+            let pairs = rows.pairs.iter().zip(&rows.lambda).zip(rows.row_of_each());
+            let pairs: Vec<Listed> = pairs.map(|((&pair, &lambda), row)| Listed::of(pair, lambda, first + row)).collect();
+            gpu.write(&self.buffers.pairs, place.start as usize, &pairs);
         }
+        let path = |((start, &margin), &by): ((&Vec4, &f32), &Vec4)| Track { start: start.with_w(margin), by };
+        let tracks: Vec<Track> = from.iter().zip(margin).zip(by).map(path).collect();
         gpu.write(&self.buffers.tracks, 0, &tracks);
         Ok(true)
     }

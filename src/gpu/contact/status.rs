@@ -3,6 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 
+use crate::contact::surface::pairs;
+
 /// Reasons to stop a step: bits of [`Status::stopped`].
 pub(crate) const NO_ROOM: u32 = 1;
 pub(crate) const CROWDED: u32 = 4;
@@ -111,6 +113,18 @@ pub(crate) struct Listed {
     pub thickness: f32,
     pub row: u32,
     pub next: u32,
+}
+
+impl Listed {
+    pub(crate) fn of(pair: pairs::Listed, lambda: Vec4, row: u32) -> Listed {
+        let pairs::Listed { corners, other, thickness } = pair;
+        Listed { corners, lambda, other, thickness, row, next: 0 }
+    }
+
+    pub(crate) fn pair(&self) -> pairs::Listed {
+        let Listed { corners, other, thickness, .. } = *self;
+        pairs::Listed { corners, other, thickness }
+    }
 }
 
 /// The path of a vertex: `Track` of `shared.wgsl`.
