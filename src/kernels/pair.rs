@@ -31,6 +31,46 @@ pub(crate) const PARALLEL: f32 = 1e-6;
 /// Replaces 0 in comparisons that should include equality.
 const TINY: f32 = f32::MIN_POSITIVE;
 
+/// The kinds of pairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Kind {
+    #[default]
+    VertexTriangle,
+    EdgeEdge,
+}
+
+impl Kind {
+    pub(crate) const ALL: [Kind; 2] = [Kind::VertexTriangle, Kind::EdgeEdge];
+
+    /// The weights of the four corners of as many pairs as there are lanes, of which two are given; they sum to 1 on the
+    /// first side and -1 on the second.
+    #[inline(always)]
+    pub(crate) fn weights<L: Lanes>(self, free: L, last: L) -> [L; 4] {
+        let one = L::splat(1.0);
+        match self {
+            Kind::VertexTriangle => [one, L::splat(-1.0) - free - last, free, last],
+            Kind::EdgeEdge => [one - free, free, L::splat(-1.0) - last, last],
+        }
+    }
+
+    /// The number of corners on the first side.
+    pub(crate) fn first_side(self) -> usize {
+        match self {
+            Kind::VertexTriangle => 1,
+            Kind::EdgeEdge => 2,
+        }
+    }
+}
+
+/// The sum of the largest value at a corner of either side.
+#[inline(always)]
+pub(crate) fn sum_of_sides<L: Lanes>(kind: Kind, [a, b, c, d]: [L; 4]) -> L {
+    match kind {
+        Kind::VertexTriangle => a + b.max(c).max(d),
+        Kind::EdgeEdge => a.max(b) + c.max(d),
+    }
+}
+
 /// Whether a number is at most 0.
 #[inline(always)]
 fn down<L: Lanes>(t: L) -> L::Mask {
@@ -57,7 +97,7 @@ fn along<L: Lanes>(a: Vector<L>, b: Vector<L>) -> L {
 }
 
 #[inline(always)]
-fn square<L: Lanes>(a: Vector<L>) -> L {
+pub(crate) fn square<L: Lanes>(a: Vector<L>) -> L {
     a.dot(a)
 }
 
@@ -111,10 +151,28 @@ pub(crate) fn edge_edge<L: Lanes>([a0, a1, b0, b1]: [Vector<L>; 4]) -> [L; 4] {
     [one - s, s, t - one, zero - t]
 }
 
+/// The weights of the closest points of pairs.
+#[inline(always)]
+pub(crate) fn closest<L: Lanes>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
+    match kind {
+        Kind::VertexTriangle => vertex_triangle(x),
+        Kind::EdgeEdge => edge_edge(x),
+    }
+}
+
+/// The vector between the closest points.
+#[inline(always)]
+pub(crate) fn between<L: Lanes>(weights: [L; 4], x: [Vector<L>; 4]) -> Vector<L> {
+    x[3].mul_add(weights[3], x[2].mul_add(weights[2], x[1].mul_add(weights[1], x[0] * weights[0])))
+}
+
 /// Whether rounding may tilt the vector between the closest points of a pair, of length `distance` (m).
 #[inline(always)]
-pub(crate) fn is_tilted<L: Lanes>(distance: L, thickness: L, x: [Vector<L>; 4], is_edge: bool) -> L::Mask {
-    let (first, second) = if is_edge { (x[1] - x[0], x[3] - x[2]) } else { (x[2] - x[1], x[3] - x[1]) };
+pub(crate) fn is_tilted<L: Lanes>(distance: L, thickness: L, x: [Vector<L>; 4], kind: Kind) -> L::Mask {
+    let (first, second) = match kind {
+        Kind::VertexTriangle => (x[2] - x[1], x[3] - x[1]),
+        Kind::EdgeEdge => (x[1] - x[0], x[3] - x[2]),
+    };
     let is_short = (distance * distance).lt(square(first).max(square(second)) * L::splat(LONG));
     L::or(distance.lt(thickness * L::splat(NARROW)), is_short)
 }
@@ -126,16 +184,14 @@ pub(crate) fn is_tilted<L: Lanes>(distance: L, thickness: L, x: [Vector<L>; 4], 
 /// by the rounding of positions over its length. Over the length of an edge that is more than the distance, so that a
 /// plane across the vector would not separate the two sides.
 #[inline(always)]
-pub(crate) fn perpendicular<L: Lanes>(apart: Vector<L>, weights: [L; 4], x: [Vector<L>; 4], is_edge: bool) -> Vector<L> {
+pub(crate) fn perpendicular<L: Lanes>(apart: Vector<L>, weights: [L; 4], x: [Vector<L>; 4], kind: Kind) -> Vector<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let is_used = weights.map(|weight| L::select(L::eq(weight, zero), zero, one));
     let side = |a: usize, b: usize| (x[b] - x[a]) * (is_used[a] * is_used[b]);
-    let (first, second) = if is_edge {
-        (side(0, 1), side(2, 3))
-    } else {
+    let (first, second) = match kind {
+        Kind::EdgeEdge => (side(0, 1), side(2, 3)),
         // Two sides of the triangle if the point is inside, the side on which it is, or none.
-        let [_, a, _, _] = is_used;
-        (side(1, 2) + side(2, 3) * (one - a), side(1, 3))
+        Kind::VertexTriangle => (side(1, 2) + side(2, 3) * (one - is_used[1]), side(1, 3)),
     };
     let without = |v: Vector<L>, t: Vector<L>| v - t * (v.dot(t) / square(t).max(L::splat(1e-30)));
     let across = without(second, first);

@@ -6,7 +6,7 @@
 
 use glam::Vec3A;
 
-use super::pair::{PARALLEL, clamp01};
+use super::pair::{Kind, PARALLEL, clamp01};
 use crate::simd::{Lanes, Vector};
 
 /// The [`clearance`], as a share of the distance between the sides, or of the thickness if that is more.
@@ -43,30 +43,30 @@ pub(crate) struct Held<L> {
 impl<L: Lanes> Plane<L> {
     /// The plane across a unit vector halfway between the sides, whose corners are at `x` (m).
     #[inline(always)]
-    pub(crate) fn halfway(normal: Vector<L>, x: [Vector<L>; 4], thickness: L, is_edge: bool) -> Plane<L> {
+    pub(crate) fn halfway(normal: Vector<L>, x: [Vector<L>; 4], thickness: L, kind: Kind) -> Plane<L> {
         let [a, b, c, d] = [L::splat(0.0), normal.dot(x[1] - x[0]), normal.dot(x[2] - x[0]), normal.dot(x[3] - x[0])];
-        let (first, second) = if is_edge { (a.min(b), c.max(d)) } else { (a, b.max(c).max(d)) };
+        let (first, second) = if kind == Kind::EdgeEdge { (a.min(b), c.max(d)) } else { (a, b.max(c).max(d)) };
         let middle = (first + second) * L::splat(0.5);
-        let of_b = if is_edge { b - middle } else { middle - b };
+        let of_b = if kind == Kind::EdgeEdge { b - middle } else { middle - b };
         let heights = [a - middle, of_b, middle - c, middle - d];
         Plane { normal, heights, clearance: clearance(first - second, thickness) }
     }
 
     /// The distance (m) between the sides along the normal.
     #[inline(always)]
-    pub(crate) fn gap(&self, is_edge: bool) -> L {
+    pub(crate) fn gap(&self, kind: Kind) -> L {
         let [a, b, c, d] = self.heights;
-        if is_edge { a.min(b) + c.min(d) } else { a + b.min(c).min(d) }
+        if kind == Kind::EdgeEdge { a.min(b) + c.min(d) } else { a + b.min(c).min(d) }
     }
 
     /// How far corners with displacements `u` (m) may move. Those for which `is_kinematic` is 1, not 0, are not shortened. As far as
     /// one of them would cross the plane, the plane is shifted; if both sides push, by the difference.
     #[inline(always)]
-    pub(crate) fn hold(&self, u: [Vector<L>; 4], is_kinematic: [L; 4], is_edge: bool) -> Held<L> {
+    pub(crate) fn hold(&self, u: [Vector<L>; 4], is_kinematic: [L; 4], kind: Kind) -> Held<L> {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         let mut plane = *self;
         let Plane { normal, heights, clearance } = plane;
-        let of_first = [true, is_edge, false, false];
+        let of_first = [true, kind == Kind::EdgeEdge, false, false];
         let (mut towards, mut pushes) = ([zero; 4], [zero; 2]);
         for k in 0..4 {
             let along = normal.dot(u[k]);
@@ -90,14 +90,14 @@ impl<L: Lanes> Plane<L> {
     /// their sides, and at the end those of both that are nearest to each other are still farther apart than twice the clearance.
     /// Paths and plane are straight, so that it also holds in between.
     #[inline(always)]
-    pub(crate) fn stays_between(&self, towards: [L; 4], is_edge: bool) -> L::Mask {
+    pub(crate) fn stays_between(&self, towards: [L; 4], kind: Kind) -> L::Mask {
         let [a, b, c, d] = self.heights;
         let lowest = a.min(b).min(c.min(d));
         let mut end = *self;
         for (height, toward) in end.heights.iter_mut().zip(towards) {
             *height = *height - toward;
         }
-        L::and(L::splat(0.0).lt(lowest), (self.clearance + self.clearance).lt(end.gap(is_edge)))
+        L::and(L::splat(0.0).lt(lowest), (self.clearance + self.clearance).lt(end.gap(kind)))
     }
 
     /// How far corners may move without crossing the plane that leaves the largest share to the one that is shortened most: this one,
@@ -109,15 +109,15 @@ impl<L: Lanes> Plane<L> {
         x: [Vector<L>; 4],
         (u, is_kinematic): ([Vector<L>; 4], [L; 4]),
         thickness: L,
-        is_edge: bool,
+        kind: Kind,
     ) -> Held<L> {
-        let least_gap = self.gap(is_edge) * L::splat(SEPARATES);
-        for normal in sliding_normals(self.normal, x, u, is_edge) {
-            let plane = Plane::halfway(normal, x, thickness, is_edge);
-            let by = plane.hold(u, is_kinematic, is_edge);
+        let least_gap = self.gap(kind) * L::splat(SEPARATES);
+        for normal in sliding_normals(self.normal, x, u, kind) {
+            let plane = Plane::halfway(normal, x, thickness, kind);
+            let by = plane.hold(u, is_kinematic, kind);
             let shortens_less = L::and(L::eq(by.passed_by, held.passed_by), held.least_share().lt(by.least_share()));
             let is_better = L::or(by.passed_by.lt(held.passed_by), shortens_less);
-            held = Held::select(L::and(is_better, least_gap.lt(plane.gap(is_edge))), by, held);
+            held = Held::select(L::and(is_better, least_gap.lt(plane.gap(kind))), by, held);
         }
         held
     }
@@ -151,9 +151,9 @@ impl<L: Lanes> Held<L> {
 /// perpendicular to the triangle, or to both edges (if these are parallel, to them and the relative displacement). On a flat surface
 /// at least one is about perpendicular to it. They may be 0.
 #[inline(always)]
-pub(crate) fn sliding_normals<L: Lanes>(apart: Vector<L>, x: [Vector<L>; 4], u: [Vector<L>; 4], is_edge: bool) -> [Vector<L>; 2] {
+pub(crate) fn sliding_normals<L: Lanes>(apart: Vector<L>, x: [Vector<L>; 4], u: [Vector<L>; 4], kind: Kind) -> [Vector<L>; 2] {
     let (zero, tiny) = (L::splat(0.0), L::splat(1e-30));
-    let (way, across) = if is_edge {
+    let (way, across) = if kind == Kind::EdgeEdge {
         let (way, first, second) = (u[0] + u[1] - u[2] - u[3], x[1] - x[0], x[3] - x[2]);
         let across = first.cross(second);
         let is_parallel = across.dot(across).lt(first.dot(first) * second.dot(second) * L::splat(PARALLEL));

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{edge_edge, impulse, perpendicular, separation, step_of_lambda, vertex_triangle};
+use super::{Kind, closest, edge_edge, impulse, perpendicular, separation, step_of_lambda, vertex_triangle};
 use crate::simd::Vector;
 
 fn lanes(x: [DVec3; 4]) -> [Vector<f32>; 4] {
@@ -111,29 +111,29 @@ fn the_direction_between_features_that_nearly_touch_separates_them() {
     let mut random = fastrand::Rng::with_seed(7);
     let mut worst = [0.0_f64; 2];
     for case in 0..400 {
-        let is_edge = case % 2 == 0;
+        let kind = Kind::ALL[usize::from(case % 2 == 0)];
         let axis = DVec3::from_array([0; 3].map(|_| random.f64() - 0.5)).normalize();
         let (along, over) = (axis.any_orthonormal_vector(), axis.cross(axis.any_orthonormal_vector()));
         let at = DVec3::splat(0.5);
         let wide = |angle: f64| (along * angle.cos() + over * angle.sin()) * 0.12;
         let turn = random.f64();
-        let exact = if is_edge {
+        let exact = if kind == Kind::EdgeEdge {
             [at - wide(turn) * 0.4, at + wide(turn) * 0.6, at - wide(turn + 1.0) * 0.6, at + wide(turn + 1.0) * 0.4]
         } else {
             [at, at + wide(turn), at + wide(turn + 2.1), at + wide(turn + 4.2)]
         };
-        let first_side = if is_edge { 2 } else { 1 };
+        let first_side = kind.first_side();
         let mut x = exact;
         x[..first_side].iter_mut().for_each(|x| *x += axis * 1e-5);
         // Directions are compared with those of the rounded positions.
         let rounded = lanes(x);
-        let weights = if is_edge { edge_edge(rounded) } else { vertex_triangle(rounded) };
+        let weights = closest(kind, rounded);
         let apart = (0..4).fold(Vector::zero(), |sum: Vector<f32>, k| sum + rounded[k] * weights[k]);
         let double = |v: Vector<f32>| DVec3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z));
         let [a, b, c, d] = rounded.map(double);
-        let normal = if is_edge { (b - a).cross(d - c) } else { (c - b).cross(d - b) }.normalize();
+        let normal = if kind == Kind::EdgeEdge { (b - a).cross(d - c) } else { (c - b).cross(d - b) }.normalize();
         let tilt = |v: Vector<f32>| double(v).normalize().cross(normal).length();
-        let exact = perpendicular(apart, weights, rounded, is_edge);
+        let exact = perpendicular(apart, weights, rounded, kind);
         worst = [worst[0].max(tilt(apart)), worst[1].max(tilt(exact))];
     }
     let [tilted, exact] = worst;
@@ -148,11 +148,11 @@ fn the_direction_is_perpendicular_to_the_corners_in_use_only() {
     let triangle = lanes([DVec3::new(0.5, -0.3, 0.4), DVec3::ZERO, DVec3::X, DVec3::Y]);
     let weights = vertex_triangle(triangle);
     assert_eq!(weights[3], 0.0);
-    let part = perpendicular(Vector::new(0.1, -0.3, 0.4), weights, triangle, false);
+    let part = perpendicular(Vector::new(0.1, -0.3, 0.4), weights, triangle, Kind::VertexTriangle);
     assert_eq!([part.x, part.y, part.z], [0.0, -0.3, 0.4]);
-    let corner = perpendicular(Vector::new(-0.1, -0.3, 0.4), [1.0, -1.0, 0.0, 0.0], triangle, false);
+    let corner = perpendicular(Vector::new(-0.1, -0.3, 0.4), [1.0, -1.0, 0.0, 0.0], triangle, Kind::VertexTriangle);
     assert_eq!([corner.x, corner.y, corner.z], [-0.1, -0.3, 0.4]);
     let parallel = lanes([DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Y + DVec3::X]);
-    let part = perpendicular(Vector::new(0.1, -1.0, 0.2), [0.5, 0.5, -0.5, -0.5], parallel, true);
+    let part = perpendicular(Vector::new(0.1, -1.0, 0.2), [0.5, 0.5, -0.5, -0.5], parallel, Kind::EdgeEdge);
     assert_eq!([part.x, part.y, part.z], [0.0, -1.0, 0.2]);
 }

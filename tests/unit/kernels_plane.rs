@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3A};
 
 use super::{Plane, SEPARATES, SLIDING, clearance, excess, share_above};
-use crate::kernels::pair::{edge_edge, vertex_triangle};
+use crate::kernels::pair::{Kind, closest};
 use crate::simd::Vector;
 
 type Four = [DVec3; 4];
@@ -13,19 +13,19 @@ fn lanes(x: Four) -> [Vector<f32>; 4] {
 }
 
 /// The plane across the vector between the closest points, and their distance.
-fn across(x: Four, is_edge: bool) -> (Plane<f32>, f32) {
+fn across(x: Four, kind: Kind) -> (Plane<f32>, f32) {
     let x = lanes(x);
-    let weights = if is_edge { edge_edge(x) } else { vertex_triangle(x) };
+    let weights = closest(kind, x);
     let apart = (0..4).fold(Vector::zero(), |sum: Vector<f32>, k| sum + x[k] * weights[k]);
     let distance = apart.length();
-    (Plane::halfway(apart * (1.0 / distance), x, 0.005, is_edge), distance)
+    (Plane::halfway(apart * (1.0 / distance), x, 0.005, kind), distance)
 }
 
 /// The heights above the plane where corners have moved by what is left of their displacements, in double precision.
-fn ends(x: Four, u: Four, plane: &Plane<f32>, shares: [f32; 4], is_edge: bool) -> [f64; 4] {
+fn ends(x: Four, u: Four, plane: &Plane<f32>, shares: [f32; 4], kind: Kind) -> [f64; 4] {
     let normal = DVec3::new(f64::from(plane.normal.x), f64::from(plane.normal.y), f64::from(plane.normal.z));
     std::array::from_fn(|k| {
-        let side = if k == 0 || (k == 1 && is_edge) { 1.0 } else { -1.0 };
+        let side = if k == 0 || (k == 1 && kind == Kind::EdgeEdge) { 1.0 } else { -1.0 };
         // The first corner's height says where the plane is.
         let start = f64::from(plane.heights[0]) + normal.dot(x[k] - x[0]);
         side * (start + normal.dot(u[k]) * f64::from(shares[k]))
@@ -39,23 +39,23 @@ fn the_plane_that_shortens_least_separates_the_sides() {
     let mut random = fastrand::Rng::with_seed(3);
     let mut replaced = 0;
     for case in 0..4000 {
-        let is_edge = case % 2 == 0;
+        let kind = Kind::ALL[usize::from(case % 2 == 0)];
         let mut point = |size: f64| DVec3::new(random.f64() - 0.5, 0.1 * (random.f64() - 0.5), random.f64() - 0.5) * size;
         let mut x = [(); 4].map(|()| point(0.04));
         x[0].y += 0.01;
-        x[1].y += if is_edge { 0.01 } else { 0.0 };
+        x[1].y += if kind == Kind::EdgeEdge { 0.01 } else { 0.0 };
         let u = [(); 4].map(|()| point(0.04));
-        let (plane, distance) = across(x, is_edge);
+        let (plane, distance) = across(x, kind);
         let none = [0.0; 4];
-        let before = plane.hold(lanes(u), none, is_edge);
-        let held = plane.least_shortening(before, lanes(x), (lanes(u), none), 0.005, is_edge);
+        let before = plane.hold(lanes(u), none, kind);
+        let held = plane.least_shortening(before, lanes(x), (lanes(u), none), 0.005, kind);
         // Nothing is kinematic, so it is where it was.
         let chosen = held.plane;
         replaced += usize::from(chosen.normal.dot(plane.normal) < 0.999);
         assert!(held.least_share() >= before.least_share());
-        assert!(chosen.gap(is_edge) > 0.999 * SEPARATES * distance, "{} m of {distance}", chosen.gap(is_edge));
-        let start = ends(x, [DVec3::ZERO; 4], &chosen, [1.0; 4], is_edge);
-        let end = ends(x, u, &chosen, held.shares, is_edge);
+        assert!(chosen.gap(kind) > 0.999 * SEPARATES * distance, "{} m of {distance}", chosen.gap(kind));
+        let start = ends(x, [DVec3::ZERO; 4], &chosen, [1.0; 4], kind);
+        let end = ends(x, u, &chosen, held.shares, kind);
         let least = 0.999 * f64::from(chosen.clearance) - 1e-8;
         assert!(start.iter().chain(&end).all(|&height| height > least), "{start:?} to {end:?}, clearance {least}");
     }
@@ -71,25 +71,29 @@ fn what_slides_along_a_flat_surface_is_not_shortened() {
         [DVec3::new(0.004, 0.005, 0.003), DVec3::new(0.01, 0.0, -0.02), DVec3::new(0.03, 0.0, 0.0), DVec3::new(0.0, 0.0, 0.03)];
     let edges =
         [DVec3::new(0.0, 0.005, 0.0), DVec3::new(0.02, 0.005, 0.02), DVec3::new(0.004, 0.0, -0.01), DVec3::new(0.044, 0.0, 0.03)];
-    for (x, is_edge) in [(beside, false), (edges, true)] {
+    for (x, kind) in [(beside, Kind::VertexTriangle), (edges, Kind::EdgeEdge)] {
         for turn in 0..12 {
             let (sin, cos) = f64::from(turn).sin_cos();
             let u = DVec3::new(0.05 * cos, 0.0, 0.05 * sin);
-            let u = if is_edge { [u, u, DVec3::ZERO, DVec3::ZERO] } else { [u, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO] };
-            let (plane, _) = across(x, is_edge);
-            for kinematic in [[0.0; 4], [0.0, if is_edge { 0.0 } else { 1.0 }, 1.0, 1.0]] {
-                let before = plane.hold(lanes(u), kinematic, is_edge);
-                let held = plane.least_shortening(before, lanes(x), (lanes(u), kinematic), 0.005, is_edge);
-                assert!(held.least_share() == 1.0 && held.passed_by == 0.0, "{turn}, {is_edge}: {}", held.least_share());
+            let u = if kind == Kind::EdgeEdge {
+                [u, u, DVec3::ZERO, DVec3::ZERO]
+            } else {
+                [u, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO]
+            };
+            let (plane, _) = across(x, kind);
+            for kinematic in [[0.0; 4], [0.0, if kind == Kind::EdgeEdge { 0.0 } else { 1.0 }, 1.0, 1.0]] {
+                let before = plane.hold(lanes(u), kinematic, kind);
+                let held = plane.least_shortening(before, lanes(x), (lanes(u), kinematic), 0.005, kind);
+                assert!(held.least_share() == 1.0 && held.passed_by == 0.0, "{turn}, {kind:?}: {}", held.least_share());
                 assert!(turn > 0 || before.least_share() < 0.5, "{}", before.least_share());
             }
         }
     }
     let level = [DVec3::new(0.03, 0.0, 0.03), DVec3::ZERO, DVec3::X * 0.04, DVec3::Z * 0.04];
     let u = [DVec3::new(-0.05, 0.0, -0.05), DVec3::ZERO, DVec3::ZERO, DVec3::ZERO];
-    let (plane, distance) = across(level, false);
-    let before = plane.hold(lanes(u), [0.0; 4], false);
-    let held = plane.least_shortening(before, lanes(level), (lanes(u), [0.0; 4]), 0.005, false);
+    let (plane, distance) = across(level, Kind::VertexTriangle);
+    let before = plane.hold(lanes(u), [0.0; 4], Kind::VertexTriangle);
+    let held = plane.least_shortening(before, lanes(level), (lanes(u), [0.0; 4]), 0.005, Kind::VertexTriangle);
     assert!(held.shares[0] * 0.05 * 2.0_f32.sqrt() < 0.5 * distance, "{}", held.shares[0]);
 }
 

@@ -7,8 +7,8 @@ use crate::contact::contacts::near::group::{Group, Weights};
 use crate::contact::contacts::near::portions::Portion;
 use crate::contact::input::Vertex;
 use crate::contact::ranges::Ranges;
-use crate::contact::surface::pairs::Kind;
 use crate::contact::workers::Workers;
+use crate::kernels::pair::Kind;
 use crate::simd::MAX_LANES;
 
 /// What belongs to the active pairs. These are in groups, in the portions of the lists.

@@ -13,8 +13,8 @@ use glam::{DVec3, Vec3A};
 use super::Contacts;
 use super::pinches::{distance, moves_through};
 use crate::contact::input::ContactInput;
-use crate::contact::surface::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
+use crate::kernels::pair::{Kind, between, closest};
 use crate::kernels::plane::CLEARANCE;
 use crate::simd::Vector;
 

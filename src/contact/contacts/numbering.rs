@@ -9,8 +9,8 @@ use crate::contact::contacts::near::approach::{PATCH, PatchMotion};
 use crate::contact::contacts::near::portions::{PORTION, Portion};
 use crate::contact::detection::rows::Rows;
 use crate::contact::ranges::Ranges;
-use crate::contact::surface::pairs::Kind;
 use crate::contact::workers::Workers;
+use crate::kernels::pair::Kind;
 
 /// The position of a vertex that is not known: see [`Contacts::x`].
 const UNKNOWN: Vec4 = Vec4::NEG_ONE;

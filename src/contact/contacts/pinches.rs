@@ -10,8 +10,8 @@
 use glam::Vec3A;
 
 use super::Contacts;
-use crate::contact::surface::pairs::{Kind, between, closest};
 use crate::kernels::integrate::xyz;
+use crate::kernels::pair::{Kind, between, closest};
 use crate::simd::Vector;
 
 /// Features meet if they come closer than this multiple of the thickness. What is that close before or after does not

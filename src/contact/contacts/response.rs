@@ -10,11 +10,10 @@ use super::vertex_pairs::Sums;
 use crate::contact::contacts::near::group::{Group, Weights};
 use crate::contact::input::SubstepContext;
 use crate::contact::surface::lanes::{corners_of, number, scattered, store, store_vector, vector};
-use crate::contact::surface::pairs::between;
 use crate::contact::vertices::Collide;
 use crate::kernels::contact::DEPENETRATION;
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::{RELAXATION, impulse, separation, step_of_lambda, warm_share};
+use crate::kernels::pair::{RELAXATION, between, impulse, separation, step_of_lambda, warm_share};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector};
 
 /// Iterations of the response per substep.

@@ -27,7 +27,6 @@ use super::{Contacts, GRAIN};
 use crate::contact::contacts::near::portions::{Portion, Truncation};
 use crate::contact::input::ContactInput;
 use crate::contact::surface::lanes::{corners_of, number, scattered, store, vector, whole_corners_of};
-use crate::contact::surface::pairs::Kind;
 use crate::kernels::integrate::xyz;
 use crate::kernels::plane::{Plane, excess};
 use crate::simd::{self, Bits, Loop, MAX_LANES, Registers};
@@ -155,7 +154,7 @@ impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let Shares { portion, x, relative, may_slide, thickness, is_first, found } = self;
-        let (kind, is_edge) = (portion.kind, portion.kind == Kind::EdgeEdge);
+        let kind = portion.kind;
         let (zero, one, thickness) = (L::splat(0.0), L::splat(1.0), L::splat(thickness));
         let rows = |(index, block)| (0..MAX_LANES).step_by(L::LANES).map(move |first| (index, block, first));
         for (index, block, first) in portion.blocks().enumerate().flat_map(rows) {
@@ -170,18 +169,18 @@ impl Loop for Shares<'_> {
             let heights = [number(a, first), number(b, first), number(c, first), number(d, first)];
             let (normal, clearance) = (vector::<L>(&block.normal, first), number::<L>(&block.clearance, first));
             let plane = Plane { normal, heights, clearance };
-            let mut held = plane.hold(relative, is_kinematic, is_edge);
+            let mut held = plane.hold(relative, is_kinematic, kind);
             let kinematic_corners = (is_kinematic[0] + is_kinematic[1]) + (is_kinematic[2] + is_kinematic[3]);
             if is_first {
                 let is_free = L::eq(kinematic_corners, zero);
-                let clear = L::bits(L::and(is_free, plane.stays_between(held.towards, is_edge))) & near;
+                let clear = L::bits(L::and(is_free, plane.stays_between(held.towards, kind))) & near;
                 found.clear[index] |= clear << first;
                 near &= !clear;
             }
             if near & (L::bits(held.least_share().lt(one)) | L::bits(zero.lt(held.passed_by))) == 0 {
                 continue;
             }
-            held = plane.least_shortening(held, corners_of::<L>(x, places), (relative, is_kinematic), thickness, is_edge);
+            held = plane.least_shortening(held, corners_of::<L>(x, places), (relative, is_kinematic), thickness, kind);
             let Plane { normal, heights, clearance } = held.plane;
             let has_kinematic = if may_slide { L::bits(zero.lt(kinematic_corners)) } else { 0 };
             for (k, share) in held.shares.into_iter().enumerate() {

@@ -8,7 +8,8 @@ use super::apart::apart;
 use super::{Features, pierced};
 use crate::contact::contacts::pinches::Pinched;
 use crate::contact::surface::Surface;
-use crate::contact::surface::pairs::{Kind, Listed, crossing_of};
+use crate::contact::surface::pairs::{Listed, crossing_of};
+use crate::kernels::pair::Kind;
 use crate::model::mesh::bounds;
 use crate::options::Crossing;
 

@@ -26,9 +26,10 @@ use super::detection::tree::{DetectionScope, Tree, Walk};
 use super::input::Path;
 use super::ranges::Ranges;
 use super::surface::Surface;
-use super::surface::pairs::{Kind, Listed};
+use super::surface::pairs::Listed;
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
+use crate::kernels::pair::Kind;
 use crate::simd::{self, Width};
 
 /// Pairs of leaves per task.

@@ -5,8 +5,9 @@ use glam::Vec4;
 use super::broad_phase::CLOSE_AT_REST;
 use super::tree::DetectionScope;
 use crate::contact::surface::lanes::{corners_of, store, whole_corners_of};
-use crate::contact::surface::pairs::{Kind, Listed, between, closest, corners, reach, square, sum_of_sides};
+use crate::contact::surface::pairs::{Listed, corners, reach};
 use crate::contact::surface::{LEAST_HELD, Surface};
+use crate::kernels::pair::{Kind, between, closest, square, sum_of_sides};
 use crate::simd::{Bits, Loop, MAX_LANES, Registers};
 
 /// Lists the candidates that are close enough.

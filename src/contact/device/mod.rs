@@ -17,7 +17,7 @@ use super::detection::rows::Rows;
 use super::detection::tree::Tree;
 use super::device::table::{ContactParams, Table};
 use super::surface::Surface;
-use super::surface::pairs::Kind;
+use crate::kernels::pair::Kind;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::options::{Contact, Crossing};

@@ -1,48 +1,8 @@
 //! Pairs of features: a vertex and a triangle, or two edges.
 
 use super::Surface;
-use crate::kernels::pair::{edge_edge, vertex_triangle};
-use crate::simd::{Lanes, Registers, Vector};
-
-/// The kinds of pairs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) enum Kind {
-    #[default]
-    VertexTriangle,
-    EdgeEdge,
-}
-
-impl Kind {
-    pub(crate) const ALL: [Kind; 2] = [Kind::VertexTriangle, Kind::EdgeEdge];
-
-    /// The weights of the four corners of as many pairs as there are lanes, of which two are given; they sum to 1 on the
-    /// first side and -1 on the second.
-    #[inline(always)]
-    pub(crate) fn weights<L: Registers>(self, free: L, last: L) -> [L; 4] {
-        let one = L::splat(1.0);
-        match self {
-            Kind::VertexTriangle => [one, L::splat(-1.0) - free - last, free, last],
-            Kind::EdgeEdge => [one - free, free, L::splat(-1.0) - last, last],
-        }
-    }
-
-    /// The number of corners on the first side.
-    pub(crate) fn first_side(self) -> usize {
-        match self {
-            Kind::VertexTriangle => 1,
-            Kind::EdgeEdge => 2,
-        }
-    }
-}
-
-/// The sum of the largest value at a corner of either side.
-#[inline(always)]
-pub(crate) fn sum_of_sides<L: Lanes>(kind: Kind, [a, b, c, d]: [L; 4]) -> L {
-    match kind {
-        Kind::VertexTriangle => a + b.max(c).max(d),
-        Kind::EdgeEdge => a.max(b) + c.max(d),
-    }
-}
+use crate::kernels::pair::{Kind, sum_of_sides};
+use crate::simd::Lanes;
 
 /// Sides that come closer than this (m), by what they are about to move, may meet in this substep: their thickness or, where that is
 /// less, how much farther contact may move them, by the [`allowance`](Surface::allowance) (m) of the corners.
@@ -90,24 +50,4 @@ pub(crate) fn crossing_of(surface: &Surface, kind: Kind, [a, b, c, d]: [u32; 4])
         Kind::VertexTriangle => [edge_of(a, &[a])?, triangle_of(b, &[b, c, d])?],
         Kind::EdgeEdge => [edge_of(a, &[a, b])?, triangle_of(c, &[c, d])?],
     })
-}
-
-/// The weights of the closest points of pairs.
-#[inline(always)]
-pub(crate) fn closest<L: Lanes>(kind: Kind, x: [Vector<L>; 4]) -> [L; 4] {
-    match kind {
-        Kind::VertexTriangle => vertex_triangle(x),
-        Kind::EdgeEdge => edge_edge(x),
-    }
-}
-
-/// The vector between the closest points.
-#[inline(always)]
-pub(crate) fn between<L: Lanes>(weights: [L; 4], x: [Vector<L>; 4]) -> Vector<L> {
-    x[3].mul_add(weights[3], x[2].mul_add(weights[2], x[1].mul_add(weights[1], x[0] * weights[0])))
-}
-
-#[inline(always)]
-pub(crate) fn square<L: Registers>(v: Vector<L>) -> L {
-    v.dot(v)
 }

@@ -5,7 +5,8 @@
 
 use glam::Vec3A;
 
-use crate::contact::surface::pairs::{Kind, Listed};
+use crate::contact::surface::pairs::Listed;
+use crate::kernels::pair::Kind;
 use crate::simd::Bits;
 
 /// Vertices of a patch, which are consecutive, and pairs of a bunch.

@@ -9,8 +9,8 @@ pub(crate) mod voronoi;
 use glam::Vec4;
 
 use crate::contact::surface::lanes::{corners_of, number, store, store_vector, vector, whole_corners_of};
-use crate::contact::surface::pairs::{Kind, between, closest, reach, sum_of_sides};
-use crate::kernels::pair::{is_tilted, perpendicular};
+use crate::contact::surface::pairs::reach;
+use crate::kernels::pair::{Kind, between, closest, is_tilted, perpendicular, sum_of_sides};
 use crate::kernels::plane::clearance;
 use crate::simd::{Bits, Loop, MAX_LANES, Registers, Vector};
 use approach::BUNCH;
@@ -59,9 +59,9 @@ fn proximity_of<L: Registers>(
     // A vector of no length has no direction.
     let near = L::and(is_pair, L::and(left.lt(reach), L::splat(1e-12).lt(distance)));
     let mut normal = apart * (one / distance);
-    let is_tilted = is_tilted(distance, thickness, x, kind == Kind::EdgeEdge);
+    let is_tilted = is_tilted(distance, thickness, x, kind);
     if L::bits(L::and(is_tilted, near)) != 0 {
-        let exact = perpendicular(apart, weights, x, kind == Kind::EdgeEdge);
+        let exact = perpendicular(apart, weights, x, kind);
         let length = exact.dot(exact).sqrt();
         // A vector that all but vanishes is noise.
         let is_exact = L::and(is_tilted, (distance * half).lt(length));

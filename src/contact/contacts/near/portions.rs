@@ -10,8 +10,9 @@ use glam::Vec4;
 use super::approach::{ApproachBound, BUNCH, Bunches};
 use super::group::{Block, Group, Member};
 use crate::contact::ranges::Ranges;
-use crate::contact::surface::pairs::{Kind, Listed};
+use crate::contact::surface::pairs::Listed;
 use crate::contact::workers::Workers;
+use crate::kernels::pair::Kind;
 use crate::simd::{MAX_LANES, Registers};
 
 /// Listed pairs of a portion.
