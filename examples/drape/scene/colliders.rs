@@ -10,7 +10,7 @@ use super::bodies::Body;
 use super::file::{self, File, ShapeName, Source};
 use super::keys::Animated;
 use super::timeline::{Moment, NO_PREROLL, Timeline};
-use super::values::{Extent, NotNegative, Positive, Value};
+use super::values::{Extent, Interpolated, NotNegative, Positive};
 use crate::Failure;
 use crate::arguments::Arguments;
 use crate::pins::bounds;
@@ -226,7 +226,7 @@ impl Moving {
 }
 
 /// Whether a value has a start, if it is given.
-fn starts<T: Value>(value: Option<&Animated<T>>) -> Option<bool> {
+fn starts<T: Interpolated>(value: Option<&Animated<T>>) -> Option<bool> {
     value.map(Animated::has_start)
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer};
 
 use super::timeline::Moment;
-use super::values::{Value, checked, maybe, plain};
+use super::values::{Interpolated, checked, maybe, plain};
 
 /// Keys are taken to be at least so far apart (s) in the slopes of smooth curves, which are then finite.
 const SHORTEST: f64 = 1e-100;
@@ -27,7 +27,7 @@ pub(crate) struct Animated<T> {
 }
 
 #[derive(Debug, Clone, Copy, serde::Deserialize)]
-#[serde(deny_unknown_fields, bound = "T: Value")]
+#[serde(deny_unknown_fields, bound = "T: Interpolated")]
 struct Key<T> {
     /// Seconds.
     time: Time,
@@ -47,7 +47,7 @@ impl<'de> Deserialize<'de> for Time {
     }
 }
 
-impl<T: Value> Animated<T> {
+impl<T: Interpolated> Animated<T> {
     /// The same value at all times.
     pub(crate) fn still(value: T) -> Animated<T> {
         Animated { keys: vec![Key { time: Time(0.0), value }], repeats: false, is_smooth: false, start: None }
@@ -171,7 +171,7 @@ fn slope([before, after]: [f64; 2], [width, next_width]: [f64; 2]) -> f64 {
     (weights[0] + weights[1]) / (weights[0] / before + weights[1] / after)
 }
 
-impl<'de, T: Value> Deserialize<'de> for Animated<T> {
+impl<'de, T: Interpolated> Deserialize<'de> for Animated<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Animated<T>, D::Error> {
         deserializer.deserialize_any(AnimatedVisitor(std::marker::PhantomData))
     }
@@ -179,7 +179,7 @@ impl<'de, T: Value> Deserialize<'de> for Animated<T> {
 
 struct AnimatedVisitor<T>(std::marker::PhantomData<T>);
 
-impl<'de, T: Value> Visitor<'de> for AnimatedVisitor<T> {
+impl<'de, T: Interpolated> Visitor<'de> for AnimatedVisitor<T> {
     type Value = Animated<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -215,13 +215,13 @@ impl<'de, T: Value> Visitor<'de> for AnimatedVisitor<T> {
     }
 }
 
-fn value<T: Value, E: Error>(numbers: &[f64]) -> Result<Animated<T>, E> {
+fn value<T: Interpolated, E: Error>(numbers: &[f64]) -> Result<Animated<T>, E> {
     checked(numbers).map(Animated::still)
 }
 
 /// Key frames that may loop, and the value at the start of the preroll.
 #[derive(serde::Deserialize)]
-#[serde(deny_unknown_fields, bound = "T: Value")]
+#[serde(deny_unknown_fields, bound = "T: Interpolated")]
 struct Track<T> {
     keys: Vec<Key<T>>,
     #[serde(rename = "loop", default)]
@@ -242,7 +242,7 @@ enum Item<T> {
     Key(Key<T>),
 }
 
-impl<'de, T: Value> Deserialize<'de> for Item<T> {
+impl<'de, T: Interpolated> Deserialize<'de> for Item<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Item<T>, D::Error> {
         deserializer.deserialize_any(ItemVisitor(std::marker::PhantomData))
     }
@@ -250,7 +250,7 @@ impl<'de, T: Value> Deserialize<'de> for Item<T> {
 
 struct ItemVisitor<T>(std::marker::PhantomData<T>);
 
-impl<'de, T: Value> Visitor<'de> for ItemVisitor<T> {
+impl<'de, T: Interpolated> Visitor<'de> for ItemVisitor<T> {
     type Value = Item<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

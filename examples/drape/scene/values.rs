@@ -6,13 +6,16 @@ use std::marker::PhantomData;
 use cloth_deformer::glam::Vec3;
 use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
 
-/// A type that can be animated: it is read from numbers and can be interpolated.
-pub(crate) trait Value: Copy + PartialEq {
+/// A type that is read from numbers.
+pub(crate) trait Value: Sized {
     /// Describes valid values in error messages.
     const WANTED: &'static str;
 
     fn from_numbers(numbers: &[f64]) -> Option<Self>;
+}
 
+/// A type that can be animated: its values can be interpolated.
+pub(crate) trait Interpolated: Value + Copy + PartialEq {
     /// Interpolates between this value (share 0) and another (share 1).
     fn toward(self, other: Self, share: f32) -> Self;
 
@@ -27,7 +30,9 @@ impl Value for Vec3 {
         let &[x, y, z] = numbers else { return None };
         Some(Vec3::new(x as f32, y as f32, z as f32)).filter(|vector| vector.is_finite())
     }
+}
 
+impl Interpolated for Vec3 {
     fn toward(self, other: Vec3, share: f32) -> Vec3 {
         self.lerp(other, share)
     }
@@ -47,7 +52,9 @@ impl Value for Extent {
     fn from_numbers(numbers: &[f64]) -> Option<Extent> {
         Vec3::from_numbers(numbers).filter(|vector| vector.min_element() > 0.0).map(Extent)
     }
+}
 
+impl Interpolated for Extent {
     fn toward(self, other: Extent, share: f32) -> Extent {
         Extent(self.0.lerp(other.0, share))
     }
@@ -58,7 +65,7 @@ impl Value for Extent {
 }
 
 /// A unit vector, read from a vector of any length but 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Direction(pub(crate) Vec3);
 
 impl Value for Direction {
@@ -67,18 +74,10 @@ impl Value for Direction {
     fn from_numbers(numbers: &[f64]) -> Option<Direction> {
         Vec3::from_numbers(numbers)?.try_normalize().map(Direction)
     }
-
-    fn toward(self, other: Direction, share: f32) -> Direction {
-        Direction(self.0.lerp(other.0, share))
-    }
-
-    fn each<const N: usize>(values: [Direction; N], of: impl Fn([f32; N]) -> f32) -> Direction {
-        Direction(Vec3::each(values.map(|value| value.0), of))
-    }
 }
 
 /// Red, green and blue, each from 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Color(pub(crate) Vec3);
 
 impl Value for Color {
@@ -86,14 +85,6 @@ impl Value for Color {
 
     fn from_numbers(numbers: &[f64]) -> Option<Color> {
         Vec3::from_numbers(numbers).filter(|color| color.min_element() >= 0.0 && color.max_element() <= 1.0).map(Color)
-    }
-
-    fn toward(self, other: Color, share: f32) -> Color {
-        Color(self.0.lerp(other.0, share))
-    }
-
-    fn each<const N: usize>(values: [Color; N], of: impl Fn([f32; N]) -> f32) -> Color {
-        Color(Vec3::each(values.map(|value| value.0), of))
     }
 }
 
@@ -124,7 +115,9 @@ impl<const ZERO: bool> Value for Size<ZERO> {
         let number = number as f32;
         (number.is_finite() && (number > 0.0 || ZERO && number == 0.0)).then_some(Size(number))
     }
+}
 
+impl<const ZERO: bool> Interpolated for Size<ZERO> {
     fn toward(self, other: Size<ZERO>, share: f32) -> Size<ZERO> {
         Size(self.0 + (other.0 - self.0) * share)
     }
