@@ -24,7 +24,7 @@ pub enum ObjError {
         /// The error of the operating system.
         reason: io::Error,
     },
-    /// The file is longer than any valid mesh. Reading stops at the limit.
+    /// The file is longer than any valid mesh, or would be. Reading stops at the limit; nothing is written.
     #[error(
         "{}: has more than {limit} bytes, the most for a mesh of {most} vertices; leave out all but `v` and `f`, or split it",
         .file.display(), limit = MAX_OBJ_BYTES, most = MAX_VERTICES

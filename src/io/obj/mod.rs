@@ -23,6 +23,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use crate::io::atomic_file;
+use crate::io::obj::error::MAX_OBJ_BYTES;
 use crate::io::obj::file::read_file;
 use crate::io::obj::text::{Statement, check_face, check_vertex, statements};
 use crate::kernels::limits::MAX_VERTICES;
@@ -67,10 +68,13 @@ impl Mesh {
     /// Writes the mesh to an OBJ file, completely or not at all; see [`Mesh::write_obj`].
     ///
     /// # Errors
-    /// As [`Mesh::write_obj`], or [`ObjError::Write`]. Whatever was at `path` is then unchanged.
+    /// As [`Mesh::write_obj`], [`ObjError::TooLong`] if [`Mesh::load_obj`] would reject the file, or [`ObjError::Write`]. Whatever was at `path` is then unchanged.
     pub fn save_obj(&self, path: impl AsRef<Path>) -> Result<(), ObjError> {
         let path = path.as_ref();
         let text = write(self, Some(path))?;
+        if text.len() as u64 > MAX_OBJ_BYTES {
+            return Err(ObjError::TooLong { file: path.to_owned() });
+        }
         atomic_file::write(path, text.as_bytes()).map_err(|reason| ObjError::Write { file: path.to_owned(), reason })
     }
 
