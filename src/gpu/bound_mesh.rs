@@ -3,7 +3,7 @@
 use crate::device::fault::GpuFault;
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, BindGroup, Stage};
+use crate::gpu::stage::{Bind, SubmittedStage};
 use crate::gpu::surface::Normals;
 use crate::kernels::follow::BoundVertex;
 use crate::model::cloth::Cloth;
@@ -21,10 +21,7 @@ pub struct BoundMesh {
     has_normals: bool,
     gpu: Gpu,
     normals: Normals,
-    /// Empty, because the kernel takes all numbers from its buffers.
-    uniforms: BindGroup,
-    stage: Stage,
-    vertices: usize,
+    stage: SubmittedStage,
 }
 
 impl BoundMesh {
@@ -42,21 +39,11 @@ impl BoundMesh {
             let buffer = |label, vertices: usize| gpu.buffer_for(label, 16 * vertices.max(1) as u64, wgpu::BufferUsages::VERTEX);
             let positions = buffer("render mesh", vertices.len());
             let render_normals = buffer("normals of the render mesh", if has_normals { vertices.len() } else { 0 });
-            let uniforms = BindGroup::new(gpu, &[]);
             let entry = Entry { shader: shaders::FOLLOW, name: "follow", constants: &[("HAS_NORMALS", f64::from(has_normals))] };
             let read = [&bound, x, &normals.surface.normals].map(Bind::Read);
             let binds = read.into_iter().chain([&positions, &render_normals].map(Bind::Write)).collect();
-            let stage = Stage::new(gpu, &uniforms, entry, &[binds]);
-            Ok(BoundMesh {
-                positions,
-                render_normals,
-                has_normals,
-                gpu: gpu.clone(),
-                normals,
-                uniforms,
-                stage,
-                vertices: vertices.len(),
-            })
+            let stage = SubmittedStage::new(gpu, entry, binds, vertices.len());
+            Ok(BoundMesh { positions, render_normals, has_normals, gpu: gpu.clone(), normals, stage })
         })
     }
 
@@ -80,6 +67,6 @@ impl BoundMesh {
     /// `reset`, `restore`, `warp` and so on.
     pub fn apply(&self) {
         self.normals.submit(&self.gpu);
-        self.stage.submit(&self.gpu, &self.uniforms, self.vertices);
+        self.stage.submit(&self.gpu);
     }
 }

@@ -169,14 +169,30 @@ impl Stage {
         pass.pass.dispatch_workgroups(count.div_ceil(rows) as u32, rows as u32, 1);
         pass.dispatches += 1;
     }
+}
 
-    /// Submits a dispatch of an invocation for each of `items` items.
-    pub(crate) fn submit(&self, gpu: &Gpu, uniforms: &BindGroup, items: usize) {
+/// A stage that is submitted by itself, with an invocation for each item. It takes all numbers from its buffers.
+#[derive(Debug)]
+pub(crate) struct SubmittedStage {
+    /// Empty: there are no uniforms.
+    uniforms: BindGroup,
+    stage: Stage,
+    items: usize,
+}
+
+impl SubmittedStage {
+    pub(crate) fn new(gpu: &Gpu, entry: Entry<'_>, bound: Vec<Bind<'_>>, items: usize) -> SubmittedStage {
+        let uniforms = BindGroup::new(gpu, &[]);
+        let stage = Stage::new(gpu, &uniforms, entry, &[bound]);
+        SubmittedStage { uniforms, stage, items }
+    }
+
+    pub(crate) fn submit(&self, gpu: &Gpu) {
         let mut encoder = gpu.encoder();
         {
             let mut pass = ComputePass::new(&mut encoder);
-            uniforms.set(&mut pass, 0, &[]);
-            self.dispatch(&mut pass, 0, &[], items);
+            self.uniforms.set(&mut pass, 0, &[]);
+            self.stage.dispatch(&mut pass, 0, &[], self.items);
         }
         gpu.queue().submit([encoder.finish()]);
     }

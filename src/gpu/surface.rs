@@ -3,7 +3,7 @@
 
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, BindGroup, Stage};
+use crate::gpu::stage::{Bind, SubmittedStage};
 use crate::model::cloth::Cloth;
 
 /// The buffers of a cloth on the GPU, for a renderer on the same device: see
@@ -31,10 +31,7 @@ pub struct Surface {
 #[derive(Debug)]
 pub(crate) struct Normals {
     pub surface: Surface,
-    vertices: usize,
-    /// An empty group: the stage needs only its buffers.
-    uniforms: BindGroup,
-    stage: Stage,
+    stage: SubmittedStage,
 }
 
 impl Normals {
@@ -50,15 +47,14 @@ impl Normals {
         let around = gpu.filled("triangles around", &around.items);
         let bound =
             vec![Bind::Read(&indices), Bind::Read(&spans), Bind::Read(&around), Bind::Read(positions), Bind::Write(&normals)];
-        let uniforms = BindGroup::new(gpu, &[]);
         let entry = Entry { shader: shaders::NORMALS, name: "gather_normals", constants: &[] };
-        let stage = Stage::new(gpu, &uniforms, entry, &[bound]);
+        let stage = SubmittedStage::new(gpu, entry, bound, cloth.rest.len());
         let surface = Surface { positions: positions.clone(), normals, indices, index_count: corners.len() as u32 };
-        Normals { surface, vertices: cloth.rest.len(), uniforms, stage }
+        Normals { surface, stage }
     }
 
     /// Submits the computation of the normals after the steps so far.
     pub(crate) fn submit(&self, gpu: &Gpu) {
-        self.stage.submit(gpu, &self.uniforms, self.vertices);
+        self.stage.submit(gpu);
     }
 }
