@@ -21,7 +21,7 @@ fn may_wait() -> Result<(), GpuFault> {
 /// A staging buffer whose bytes were asked for and are read later.
 #[derive(Debug)]
 pub(crate) struct Mapping {
-    staging: wgpu::Buffer,
+    pub staging: wgpu::Buffer,
     /// Whether it could be mapped: set by the callback when the device is polled, which every submission does.
     told: Arc<OnceLock<bool>>,
 }

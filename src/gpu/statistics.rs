@@ -28,16 +28,12 @@ pub(crate) struct Counter {
 
 #[derive(Debug)]
 enum Pending {
-    UnderWay(UnderWay),
+    UnderWay {
+        submission: wgpu::SubmissionIndex,
+        mapping: Mapping,
+    },
     /// The statistics have arrived and are returned when it is their turn.
     Here(Box<Statistics>),
-}
-
-#[derive(Debug)]
-struct UnderWay {
-    staging: wgpu::Buffer,
-    submission: wgpu::SubmissionIndex,
-    mapping: Mapping,
 }
 
 impl Counter {
@@ -78,12 +74,12 @@ impl Counter {
         let size = self.counted.size();
         let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
         let submission = gpu.copy_to(&staging, &[&self.counted]);
-        let mapping = Mapping::new(staging.clone());
+        let mapping = Mapping::new(staging);
         if waits {
             // Those of steps that did not wait are not asked for any more.
             self.pending.clear();
         }
-        self.pending.push_back(Pending::UnderWay(UnderWay { staging, submission, mapping }));
+        self.pending.push_back(Pending::UnderWay { submission, mapping });
         let late = if waits { 0 } else { Counter::LATE };
         if self.pending.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
             return Ok(None);
@@ -96,21 +92,21 @@ impl Counter {
     fn is_here(&self, gpu: &Gpu) -> Result<bool, GpuFault> {
         gpu.poll(wgpu::PollType::Poll)?;
         Ok(self.pending.front().is_none_or(|pending| match pending {
-            Pending::UnderWay(under_way) => under_way.mapping.is_told(),
+            Pending::UnderWay { mapping, .. } => mapping.is_told(),
             Pending::Here(_) => true,
         }))
     }
 
     /// Waits for statistics.
     fn arrived(&mut self, gpu: &Gpu, pending: Pending) -> Result<Statistics, GpuFault> {
-        let UnderWay { staging, submission, mapping } = match pending {
-            Pending::UnderWay(under_way) => under_way,
+        let (submission, mapping) = match pending {
+            Pending::UnderWay { submission, mapping } => (submission, mapping),
             Pending::Here(seen) => return Ok(*seen),
         };
         gpu.wait_for_told(&mapping, &submission)?;
         let seen = mapping.read(gpu, "the statistics", bytemuck::pod_read_unaligned)?;
         let seen = seen.ok_or_else(|| gpu.unmapped("the statistics"))?;
-        self.free.push(staging);
+        self.free.push(mapping.staging);
         Ok(seen)
     }
 
