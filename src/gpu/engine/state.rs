@@ -116,7 +116,7 @@ impl GpuEngine {
     /// Fails if the words report a failure.
     fn verdict(&self, found: Defects) -> Result<(), Failure> {
         found.verdict(|place| match (place & IN_TABLE != 0, &self.single_workgroup, &self.sweep) {
-            (true, Some(single), _) => single.edge((place ^ IN_TABLE) as usize),
+            (true, Some(single), _) => single.tiles.edge((place ^ IN_TABLE) as usize),
             (false, _, EdgeSweep::Tiled(tiled)) if place & IN_TILES != 0 => tiled.tiles.edge((place ^ IN_TILES) as usize),
             _ => place as usize,
         })

@@ -23,7 +23,7 @@ const OF_AGGREGATE: usize = 48;
 /// A step in one workgroup.
 #[derive(Debug)]
 pub(crate) struct SingleWorkgroup {
-    tiles: Tiles,
+    pub tiles: Tiles,
     /// All levels, if levels are used.
     levels: Option<LevelTable>,
     forces: ForceTable,
@@ -120,11 +120,6 @@ impl SingleWorkgroup {
         if let Some(levels) = levels {
             levels.send_edges(gpu, table, size_of_val(tiles.table.as_slice()), &plan.coefficients.levels);
         }
-    }
-
-    /// The edge at a position in the shader's table.
-    pub(crate) fn edge(&self, place: usize) -> usize {
-        self.tiles.edge(place)
     }
 
     /// Whether it includes everything that a step uses.
