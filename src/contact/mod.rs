@@ -109,6 +109,10 @@ pub(crate) struct Tally {
     pub squeezed: u32,
 }
 
+/// The state of contact that another one replaced, if there was any.
+#[derive(Debug)]
+pub(crate) struct Replaced<T>(pub Option<Box<T>>);
+
 /// The state of contact of a cloth with itself and with mesh bodies, kept between steps.
 #[derive(Debug)]
 pub(crate) struct TriangleContact {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec4;
 use web_time::Instant;
 
-use crate::contact::{TriangleContact, Workers};
+use crate::contact::{Replaced, TriangleContact, Workers};
 use crate::cpu::correction::Correction;
 use crate::cpu::integrate::Integrator;
 use crate::cpu::packed::Packed;
@@ -52,15 +52,11 @@ pub(crate) struct Cpu {
     /// Contact of triangles (the cloth with itself and with mesh colliders), if the scene has any.
     pub contact: Option<Box<TriangleContact>>,
     /// What the last step found in its place and replaced, to go back to if the step fails; `None` if it kept it.
-    replaced: Option<Replaced>,
+    replaced: Option<Replaced<TriangleContact>>,
     /// Run each pass as a parallel loop instead of through the task graph.
     #[cfg(feature = "bench")]
     pub loop_by_loop: bool,
 }
-
-/// Contact data that other data replaced, if there was any.
-#[derive(Debug)]
-struct Replaced(Option<Box<TriangleContact>>);
 
 impl Cpu {
     pub(crate) fn new(cloth: &Cloth) -> Cpu {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::GpuEngine;
-use crate::contact::ContactPast;
+use crate::contact::{ContactPast, Replaced};
 use crate::device::fault::GpuFault;
 use crate::device::{Gpu, IN_BROWSER};
 use crate::error::failure::Failure;
@@ -15,10 +15,6 @@ use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::options::Contact;
 use crate::step::plan::Plan;
-
-/// Data of contact that others replaced, if there were any.
-#[derive(Debug)]
-pub(super) struct Replaced(Option<Box<GpuContact>>);
 
 impl GpuEngine {
     /// Adds contact of the cloth with itself to the engine, if there are options for it. There is none in a browser, which cannot
@@ -37,7 +33,7 @@ impl GpuEngine {
         cloth: &Cloth,
         contact: Option<Contact>,
         meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
-    ) -> Result<Option<Replaced>, GpuFault> {
+    ) -> Result<Option<Replaced<GpuContact>>, GpuFault> {
         let is_wanted = contact.is_some() || meshes.len() > 0;
         let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.on_cpu.bodies.are(meshes.clone()));
         if is_there {
@@ -52,7 +48,7 @@ impl GpuEngine {
         Ok(Some(self.replace_contact(made)))
     }
 
-    fn replace_contact(&mut self, contact: Option<Box<GpuContact>>) -> Replaced {
+    fn replace_contact(&mut self, contact: Option<Box<GpuContact>>) -> Replaced<GpuContact> {
         Replaced(std::mem::replace(&mut self.contact, contact))
     }
 
