@@ -59,9 +59,11 @@ fn between(a: &Path, b: &Path) -> Result<Option<String>, Failure> {
     if one == other {
         return Ok(None);
     }
-    let [x, y] = [a, b].map(|path| Mesh::load_obj(path).map_err(Failure::input));
     let [one, other] = [one, other].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-    Ok(first_difference(&x?, &y?).or_else(|| first_other_line([(a, &one), (b, &other)])))
+    let parse = |path: &Path, text: &str| {
+        Mesh::parse_obj(text).map_err(|error| Failure::input(format_args!("{}: {error}", path.display())))
+    };
+    Ok(first_difference(&parse(a, &one)?, &parse(b, &other)?).or_else(|| first_other_line([(a, &one), (b, &other)])))
 }
 
 /// The first line that differs by more than its comment or the spelling of its numbers, if any.
