@@ -58,7 +58,7 @@ impl Deformer {
             Method::Relaxation { .. } => f64::NAN,
         };
         let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
-        let resolving = f64::from(dt) * self.rates.resolving(self.cloth.stretch);
+        let resolving = f64::from(dt) * self.rates.resolving(self.cloth.membrane_stiffness);
         let warnings = if sleeps { Vec::new() } else { self.warnings(&decision, bending.limited) };
         let substeps = if sleeps { 0 } else { substeps };
         let (resolving, strain, damping) = (resolving as f32, strain as f32, bending.median_tau());

@@ -71,7 +71,7 @@ pub(crate) struct Cloth {
     pub longest_edge: f32,
     pub mean_edge: f32,
     /// Membrane stiffness K (N/m) of the fabric times the factor of its firm edges ([`firm`]), which is 1 for most cloth.
-    pub stretch: f64,
+    pub membrane_stiffness: f64,
     firm: f64,
     pub slivers: Slivers,
     /// Whether any triangle has an area.
@@ -132,7 +132,7 @@ impl Cloth {
         if let Some(contact) = options.contact.filter(|_| !triangles.is_empty()) {
             check_thickness(&rest[..used], sides.max_element(), contact.thickness)?;
         }
-        let Links { list: mut links, longest_edge, mean_edge, firm, stretch, slivers } =
+        let Links { list: mut links, longest_edge, mean_edge, firm, membrane_stiffness, slivers } =
             Links::new(&mesh_edges, &visits, &rank, &rest, &side_area, options);
         let Extents { sides: extents, extent, near, parts } =
             extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
@@ -160,7 +160,7 @@ impl Cloth {
             parts,
             longest_edge: longest_edge as f32,
             mean_edge: mean_edge as f32,
-            stretch,
+            membrane_stiffness,
             firm,
             slivers,
             is_sheet: area.iter().any(|&area| area > 0.0),
@@ -182,7 +182,7 @@ impl Cloth {
         let area = vertex_areas(&self.triangles, &positions);
         let Weights { mass, density, pinned, inverse_mass } = Weights::new(options, &self.order, &area, self.used)?;
 
-        let stretch = f64::from(options.fabric.stretch) * self.firm;
+        let membrane_stiffness = f64::from(options.fabric.stretch) * self.firm;
         let mut links = self.links.clone();
         let is_pinned = |vertex: u32| [self.rest[vertex as usize].w, inverse_mass[vertex as usize]].map(|w| w == 0.0);
         let changes = |link: &Link| {
@@ -218,7 +218,7 @@ impl Cloth {
             extent,
             near,
             parts,
-            stretch,
+            membrane_stiffness,
             bending_scale: self.bending_scale.clone(),
             panels: OnceLock::new(),
             springs: OnceLock::new(),
@@ -277,7 +277,7 @@ impl Cloth {
 
     /// Stiffness `K (A1 + A2) / l0²` (N/m) of an edge, also of one between aggregates; infinite if inextensible.
     pub(crate) fn stiffness(&self, link: &Link) -> f64 {
-        if link.shape == 0.0 { 0.0 } else { self.stretch * link.shape }
+        if link.shape == 0.0 { 0.0 } else { self.membrane_stiffness * link.shape }
     }
 
     /// The stiffness of an edge as a multiple of that of firm edges.

@@ -16,7 +16,7 @@ pub(super) struct Links {
     pub mean_edge: f64,
     /// The factor of firm edges ([`firm`]), and K (N/m) of the fabric times that.
     pub firm: f64,
-    pub stretch: f64,
+    pub membrane_stiffness: f64,
     pub slivers: Slivers,
 }
 
@@ -40,7 +40,7 @@ impl Links {
         let firm = scales.map_or(1.0, |scales| firm(scales.iter().copied()));
         // Cloth without stiffness has no firm edges.
         let firm = if firm > 0.0 { f64::from(firm) } else { 1.0 };
-        let stretch = f64::from(options.fabric.stretch) * firm;
+        let membrane_stiffness = f64::from(options.fabric.stretch) * firm;
         let mut links: Vec<Link> = Vec::with_capacity(mesh_edges.len());
         let (mut slivers, mut worst_aspect) = (Slivers::default(), 0.0);
         for (index, &named) in mesh_edges.iter().enumerate() {
@@ -66,7 +66,7 @@ impl Links {
             links.push(Link { ends, rest: length as f32, shape, scale, visits });
         }
         let mean_edge = sum / mesh_edges.len().max(1) as f64;
-        Links { list: links, longest_edge: longest, mean_edge, firm, stretch, slivers }
+        Links { list: links, longest_edge: longest, mean_edge, firm, membrane_stiffness, slivers }
     }
 }
 

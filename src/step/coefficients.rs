@@ -57,7 +57,7 @@ impl Coefficients {
             let coarse_edge = |link: &Link| {
                 // Along a soft direction, the fine sweep carries more of the load.
                 let firmness = f64::from(link.scale);
-                let is_soft = hanging > SOFT * cloth.stretch * firmness;
+                let is_soft = hanging > SOFT * cloth.membrane_stiffness * firmness;
                 let left = (if is_soft { shared } else { left }).min((1.0 - length.resolved / firmness).max(0.0));
                 let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
                 edge(link, inverse_weight(1.0 / (left * cloth.stiffness(link)), weight, ONE_WAY, 0.0, length))
@@ -99,7 +99,7 @@ fn tethers(cloth: &Cloth, length: Length) -> Vec<(u32, Tether)> {
     let tether = |held: &Held| {
         let share = left * (1.0 - f64::from(held.distance) / reach);
         // Bounded, because an infinite slack would become NaN in zero acceleration.
-        let slack = (f64::from(held.give) / cloth.stretch).min(1e9) as f32;
+        let slack = (f64::from(held.give) / cloth.membrane_stiffness).min(1e9) as f32;
         let Held { vertex, anchor, distance, .. } = *held;
         (share > 0.0).then_some((vertex, Tether { anchor, length: distance, slack, share: share as f32 }))
     };

@@ -263,7 +263,7 @@ impl Controller {
     fn gripping(&self, rates: &Rates, cloth: &Cloth, load: &Load, share: f32) -> f64 {
         let stretch = self.own - own_stretch(cloth, load.stress_without_wind(cloth), share, f64::INFINITY);
         let stress = GRIP * load.stress(cloth);
-        if cloth.stretch * stretch > stress { rates.resolving(stress / stretch) } else { 0.0 }
+        if cloth.membrane_stiffness * stretch > stress { rates.resolving(stress / stretch) } else { 0.0 }
     }
 
     /// Updates the stretch that is known to be the fabric's own from the one that was measured in a step of `dt` (s), and returns it.
@@ -308,7 +308,7 @@ const MUCH_STIFFER: f64 = 4.0;
 /// order of the edges is stable. Cloth that is all but inextensible is not resolved: where something stretches it in spite of
 /// that, more and more substeps would be asked for, of which none would help.
 pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
-    let resolved = std::f64::consts::SQRT_2 * rates.resolving(cloth.stretch);
+    let resolved = std::f64::consts::SQRT_2 * rates.resolving(cloth.membrane_stiffness);
     (resolved.min(MUCH_STIFFER * rates.resolving_what_shows(cloth)) / SIXTIETHS).ceil().max(FEWEST_SUBSTEPS)
 }
 

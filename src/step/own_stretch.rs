@@ -48,8 +48,8 @@ pub(crate) fn excess(cloth: &Cloth, load: &Load, [measured, known]: [f64; 2], sh
 /// [`Fabric::JERSEY`](crate::Fabric::JERSEY) with 21 x 21 vertices were stretched by .91 of this (with r of a circle) at one corner, 1.1
 /// at two, and .82 in the middle.
 pub(crate) fn own_stretch(cloth: &Cloth, stress: f64, share: f32, speed: f64) -> f64 {
-    let moving = ((cloth.stretch * cloth.density).sqrt() * speed).min(stress);
-    (stress * concentration(cloth, share)).max(stress + moving) / cloth.stretch
+    let moving = ((cloth.membrane_stiffness * cloth.density).sqrt() * speed).min(stress);
+    (stress * concentration(cloth, share)).max(stress + moving) / cloth.membrane_stiffness
 }
 
 /// The stress near lone pins as a multiple of that of the whole cloth: see [`own_stretch`].

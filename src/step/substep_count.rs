@@ -114,7 +114,7 @@ impl Rates {
         let (substeps, h) = (needed as u32, dt / needed as f32);
         let longest_h = if rate * f64::from(h) > 0.999 { h } else { (1.0 / rate) as f32 };
         let softest_h = if 0.999 * rate * softest > 1.0 { softest as f32 } else { longest_h };
-        let resolved = (self.resolving(cloth.stretch) * f64::from(longest_h)).max(1.0).powi(-2);
+        let resolved = (self.resolving(cloth.membrane_stiffness) * f64::from(longest_h)).max(1.0).powi(-2);
         Ok(Division { substeps, length: Length { h, longest_h, softest_h, resolved, changes: self.changes } })
     }
 
@@ -169,7 +169,7 @@ impl Rates {
     /// by 1e-4; resolving more has no visible effect.
     pub(crate) fn resolving_what_shows(&self, cloth: &Cloth) -> f64 {
         let useful = cloth.density * STANDARD_GRAVITY * cloth.extent / 1e-4;
-        self.resolving(cloth.stretch.min(useful))
+        self.resolving(cloth.membrane_stiffness.min(useful))
     }
 
     /// The strain beyond the fabric's own that a membrane stress (N/m) causes with unresolved substeps of length `h`
