@@ -7,7 +7,7 @@ const MIN_STRETCH: f32 = 0.000244140625;
 const MIN_SPEED: f32 = 0.0009765625;
 const WHOLE: u32 = 1073741824u;
 const ONE: f32 = 67108864.0;
-const MOST: f32 = 32.0;
+const MAX_STRETCH: f32 = 32.0;
 const SLOW: f32 = 0.01;
 const SLOW_PARTS: f32 = 128.0;
 

@@ -29,7 +29,7 @@ fn count(
         let gauge = gauges[i];
         let stretched = stretch(length(x[gauge.ends.x].xyz - x[gauge.ends.y].xyz), gauge.inverse_rest);
         atomicAdd(&stretches[class_of(stretched, MIN_STRETCH)], gauge.weight);
-        sum.x += f32(gauge.weight) * min(stretched, MOST);
+        sum.x += f32(gauge.weight) * min(stretched, MAX_STRETCH);
         worst = max(worst, stretched);
     }
     var fastest = 0.0;

@@ -5,9 +5,9 @@ use std::sync::{Mutex, PoisonError};
 use crate::HAS_THREADS;
 
 /// Most parts of a loop.
-pub(super) const MOST: usize = 64;
+pub(super) const MAX_PARTS: usize = 64;
 
-/// Calls work with each number below a count, of at most [`MOST`], on several threads at once.
+/// Calls work with each number below a count, of at most [`MAX_PARTS`], on several threads at once.
 pub(crate) type Run<'a> = dyn Fn(usize, &(dyn Fn(usize) + Sync)) + Sync + 'a;
 
 /// A part of a loop until a thread takes it, in cache lines of its own.
@@ -27,7 +27,7 @@ impl<'a> Workers<'a> {
 
     /// So many threads, on which `run` runs what is shared.
     pub(crate) fn new(count: usize, run: &'a Run<'a>) -> Workers<'a> {
-        Workers { count: count.clamp(1, MOST), run: (count > 1).then_some(run) }
+        Workers { count: count.clamp(1, MAX_PARTS), run: (count > 1).then_some(run) }
     }
 
     /// As many of these threads as pay off for so many items of which `each` are worth a thread.
@@ -52,14 +52,14 @@ impl<'a> Workers<'a> {
 
     /// The same for parts that take different times, so that each thread has several.
     pub(super) fn small_part(self, items: usize) -> usize {
-        let parts = if self.run.is_some() { (4 * self.count).min(MOST) } else { 1 };
+        let parts = if self.run.is_some() { (4 * self.count).min(MAX_PARTS) } else { 1 };
         items.div_ceil(parts).max(1)
     }
 
-    /// Calls `work` with each of at most [`MOST`] parts.
+    /// Calls `work` with each of at most [`MAX_PARTS`] parts.
     pub(super) fn each<T: Send>(self, parts: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
         let Some(run) = self.run.filter(|_| HAS_THREADS) else { return parts.for_each(work) };
-        let mut places = [const { Place(Mutex::new(None)) }; MOST];
+        let mut places = [const { Place(Mutex::new(None)) }; MAX_PARTS];
         let mut count = 0;
         for part in parts {
             places[count] = Place(Mutex::new(Some(part)));

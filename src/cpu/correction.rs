@@ -1,4 +1,4 @@
-//! The correction by coarse levels at work: restrict, sweep each level, prolong. The theory is in
+//! The correction by coarse levels at work: restrict, sweep each level, prolongate. The theory is in
 //! `multigrid/hierarchy.rs`, the levels as the CPU stores them in [`coarse`](super::coarse).
 
 use std::ops::Range;

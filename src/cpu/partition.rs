@@ -22,14 +22,14 @@ use crate::model::link::Link;
 use crate::simd;
 
 /// Minimum number of vertices in a tile; the piece of a smaller one is less work than its task costs (about 10 us).
-const LEAST: usize = 512;
+const MIN_TILE: usize = 512;
 /// Length of a tile as a multiple of the mean index distance between the ends of an edge: about eight rows of a grid,
 /// of which the deferred edges at a border take four rows on each side.
 const REACH: f64 = 12.0;
 /// Maximum number of tiles of a coarse level. More tiles need more rounds.
-const SHARES: usize = 32;
+const MAX_COARSE_TILES: usize = 32;
 /// Maximum number of rounds, not counting the last.
-const MOST: usize = 16;
+const MAX_ROUNDS: usize = 16;
 /// Border pieces with up to this many edges in total are merged into one.
 const SMALL_PIECE: usize = 128;
 /// Loops over vertices process this many at a time, so a piece owns vertices in groups of this size.
@@ -82,7 +82,7 @@ fn insert(list: &mut Vec<u32>, tile: u32) {
 impl Partition {
     /// Cuts a cloth of `vertices` vertices. The first `swept` of `links` are in color order, the others are not swept.
     pub(crate) fn new(links: &[Link], swept: usize, vertices: usize) -> Partition {
-        Partition::cut(links, swept, vertices, ((REACH * distance(links)) as usize).max(LEAST))
+        Partition::cut(links, swept, vertices, ((REACH * distance(links)) as usize).max(MIN_TILE))
     }
 
     /// The same for a coarse level. Its many colors would connect all borders into one piece, so the tiles are narrower
@@ -92,7 +92,7 @@ impl Partition {
             return Partition::cut(links, links.len(), vertices, vertices);
         }
         let narrow = (0.5 * REACH * distance(links)) as usize;
-        Partition::cut(links, links.len(), vertices, narrow.max(vertices / SHARES).max(LEAST / 4))
+        Partition::cut(links, links.len(), vertices, narrow.max(vertices / MAX_COARSE_TILES).max(MIN_TILE / 4))
     }
 
     /// The pieces of each round on the way back of a sweep, which visits the rounds from the last to the first, and in
@@ -149,7 +149,7 @@ impl Partition {
             let group = |vertex: usize| vertex / GROUP * GROUP;
             let again: Vec<u32> = (0..vertices).map(|vertex| ((group(vertex) + shift) / length) as u32).collect();
             let (pieces, later) = round(links, &late, &again, count + 1, &mut vec![false; vertices]);
-            if rounds.len() == MOST || later.len() == late.len() {
+            if rounds.len() == MAX_ROUNDS || later.len() == late.len() {
                 // Edges are longer than half a tile, so cutting again does not help: accept the large pieces.
                 rounds.push(last);
                 break;

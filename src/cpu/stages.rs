@@ -32,7 +32,7 @@ pub(crate) enum Stage {
     /// Sweep the edges of a level in one round of its partition (level, round). Before the first round, the corrections
     /// of the coarser levels are prolongated to it.
     SweepLevel(usize, usize),
-    /// Prolong the corrections of the levels to the vertices.
+    /// Prolongate the corrections of the levels to the vertices.
     Correct,
     /// Sweep the cloth's edges in one round of the partition.
     Sweep(usize),

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::kernels::integrate::xyz;
 use crate::kernels::statistics::{
-    MIN_SPEED, MIN_STRETCH, MOST, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, ordered, stretch,
+    MAX_STRETCH, MIN_SPEED, MIN_STRETCH, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, ordered, stretch,
 };
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width, vector_of_lane};
 
@@ -51,7 +51,7 @@ impl Observed<'_> {
             for (&length, gauge) in lengths.iter().zip(gauges) {
                 let stretch = stretch(length, gauge.inverse_rest);
                 seen.stretch[class_of(stretch, MIN_STRETCH)] += gauge.weight;
-                sum += gauge.weight as f32 * stretch.min(MOST);
+                sum += gauge.weight as f32 * stretch.min(MAX_STRETCH);
                 worst = worst.max(stretch);
             }
         }

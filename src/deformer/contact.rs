@@ -18,15 +18,15 @@ use crate::step::substep_count::SIXTIETHS;
 
 /// Fewest substeps in which pins and mesh vertices may move by the contact thickness; with this many, nothing passes
 /// through.
-const SUBSTEPS: f64 = 3.0;
+const SUBSTEPS_PER_THICKNESS: f64 = 3.0;
 /// Fewest substeps per 1/60 s of cloth without pins, in contact with itself, that is to fall asleep: with the 5 to 7 that the strain
 /// of a heap needs, it trembles. Of 32 heaps 7 were awake after 15 s then, and one with these. A garment comes to rest with few.
-const SETTLING: f64 = 16.0;
+const SETTLING_SUBSTEPS: f64 = 16.0;
 /// Farthest that pins and mesh colliders may move in a step, in units of the cloth's size. Cloth that is torn along farther, as by
 /// a teleport without [`Deformer::warp`], stays stretched over itself for seconds, in each of which contact takes seconds.
-const FARTHEST: f64 = 100.0;
+const MAX_TRAVEL: f64 = 100.0;
 /// Most substeps per 1/60 s that contact may raise a step to.
-const MOST: f64 = 256.0;
+const MAX_CONTACT_SUBSTEPS: f64 = 256.0;
 
 impl Deformer {
     /// The contact thickness (m), or `None` if no triangles can touch in a step.
@@ -58,12 +58,12 @@ impl Deformer {
             return Err(invalid(format_args!("colliders[{index}].mesh"), "a mesh", remedy));
         }
         let size = cloth.sides.length().max(thickness);
-        let check = |name: fmt::Arguments<'_>, value: &dyn fmt::Display, way: f64, remedy: &str| match way > FARTHEST * size {
+        let check = |name: fmt::Arguments<'_>, value: &dyn fmt::Display, way: f64, remedy: &str| match way > MAX_TRAVEL * size {
             true => Err(invalid(
                 name,
                 value,
                 format_args!(
-                    "is {} m from where it was before the step, more than {FARTHEST} times the cloth's size of {} m; lead it there in more steps, or {remedy}",
+                    "is {} m from where it was before the step, more than {MAX_TRAVEL} times the cloth's size of {} m; lead it there in more steps, or {remedy}",
                     way as f32, size as f32
                 ),
             )),
@@ -91,8 +91,9 @@ impl Deformer {
             _ => {
                 let sleeps = self.options.method == Method::SmallSteps && self.options.contact.and(self.options.sleep).is_some();
                 let settles = sleeps && !self.cloth.has_pins();
-                let settling = if settles { SETTLING } else { 0.0 };
-                SIXTIETHS * (SUBSTEPS * speed / thickness / SIXTIETHS).ceil().min(MOST).max(settling)
+                let settling = if settles { SETTLING_SUBSTEPS } else { 0.0 };
+                SIXTIETHS
+                    * (SUBSTEPS_PER_THICKNESS * speed / thickness / SIXTIETHS).ceil().min(MAX_CONTACT_SUBSTEPS).max(settling)
             }
         }
     }
@@ -102,7 +103,7 @@ impl Deformer {
     pub(super) fn contact_outruns(&self, decision: &StepDecision) -> Option<Warning> {
         let thickness = self.options.contact.unwrap_or_default().thickness;
         let (speed, resolved) =
-            (decision.load.kinematic_speed as f32, thickness / (SUBSTEPS as f32 * decision.division.length.h));
+            (decision.load.kinematic_speed as f32, thickness / (SUBSTEPS_PER_THICKNESS as f32 * decision.division.length.h));
         (speed > 1.001 * resolved).then_some(Warning::ContactOutruns { speed, resolved })
     }
 

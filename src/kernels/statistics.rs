@@ -21,7 +21,7 @@ pub(crate) const WHOLE: u32 = 1 << 30;
 /// 1 as a fixed-point number, for means that are summed as integers.
 pub(crate) const ONE: f32 = (1 << 26) as f32;
 /// Larger stretches count as this in the mean, so that the sum cannot overflow.
-pub(crate) const MOST: f32 = 32.0;
+pub(crate) const MAX_STRETCH: f32 = 32.0;
 /// Larger speeds (m/s) count as this in the sum of squares.
 pub(crate) const SLOW: f32 = 0.01;
 /// 1 as a fixed-point number in that sum.
@@ -46,7 +46,7 @@ pub(crate) struct Statistics {
     pub stretch: [u32; CLASSES],
     /// Number of free vertices by speed relative to the drift ([`Params::drift`](crate::kernels::params::Params)).
     pub speed: [u32; CLASSES],
-    /// Mean stretch of the area, in units of 1/[`ONE`]; stretches beyond [`MOST`] count as that.
+    /// Mean stretch of the area, in units of 1/[`ONE`]; stretches beyond [`MAX_STRETCH`] count as that.
     pub mean_stretch: u32,
     /// The largest stretch, as the bits of an f32.
     pub worst_stretch: u32,

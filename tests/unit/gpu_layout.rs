@@ -152,7 +152,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("MIN_SPEED", Literal::F32(statistics::MIN_SPEED)),
         ("WHOLE", Literal::U32(statistics::WHOLE)),
         ("ONE", Literal::F32(statistics::ONE)),
-        ("MOST", Literal::F32(statistics::MOST)),
+        ("MAX_STRETCH", Literal::F32(statistics::MAX_STRETCH)),
         ("SLOW", Literal::F32(statistics::SLOW)),
         ("SLOW_PARTS", Literal::F32(statistics::SLOW_PARTS)),
         ("IN_TABLE", Literal::U32(IN_TABLE)),

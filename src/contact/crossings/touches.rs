@@ -19,18 +19,18 @@ const MOVE: f64 = 2.0;
 const ROUNDS: usize = 64;
 /// Limit on the pairs of an edge and a triangle whose boxes overlap: this many, plus this many per edge. A sheet that is twisted until
 /// its edges are five times as long has hundreds per edge; cloth in a single point has all pairs.
-const MOST: [usize; 2] = [10_000_000, 4096];
+const MAX_PAIRS: [usize; 2] = [10_000_000, 4096];
 /// Room for pairs of boxes that are compared, besides a share for each feature. It suffices for anything but cloth that is
 /// crammed into one place, of which all intersections count.
 const ROOM: [usize; 2] = [1_000_000, 256];
 
 impl Features<'_> {
     /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
-    /// pairs are tested for which `may_collide` accepts a vertex of each. If there are more than [`MOST`] to test, returns that
+    /// pairs are tested for which `may_collide` accepts a vertex of each. If there are more than [`MAX_PAIRS`] to test, returns that
     /// number as an error: detection finds too many pairs then, too.
     pub(crate) fn crossings(self, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Result<Vec<[u32; 2]>, usize> {
         let (x, normals) = self.in_general_position();
-        let most = MOST[0] + MOST[1] * self.edges.len();
+        let most = MAX_PAIRS[0] + MAX_PAIRS[1] * self.edges.len();
         let mut room = most;
         let found = pierced(self.edges, self.triangles, &x, &mut room, self.is_shared, &may_collide);
         if room == 0 { Err(most) } else { Ok(Touches::new(self, x, normals, &may_collide).left_out_of(found)) }

@@ -10,7 +10,7 @@ use crate::simd::{Lanes, Vector};
 /// With up to so many bodies, a test against the box around all vertices costs more than it saves.
 const FEW: usize = 4;
 /// Up to so many near bodies are tested with what is computed once for all vertices.
-const MOST: usize = 16;
+const MAX_NEAR: usize = 16;
 
 /// A cheap conservative test: where vertices cannot touch a body in a substep, or in a whole step.
 #[derive(Debug, Clone, Copy)]
@@ -113,7 +113,7 @@ pub(crate) struct NearBodies<'a> {
     /// The others are clear of vertices in this range.
     range: MotionRange,
     /// Indices of the first near bodies, with their tests in this substep.
-    first: [(u32, Clear); MOST],
+    first: [(u32, Clear); MAX_NEAR],
     count: usize,
     /// From this index on bodies may be near, too.
     rest: usize,
@@ -125,7 +125,7 @@ impl<'a> NearBodies<'a> {
         bodies: &[],
         in_step: &[],
         range: MotionRange::ANYWHERE,
-        first: [(0, Clear::NOWHERE); MOST],
+        first: [(0, Clear::NOWHERE); MAX_NEAR],
         count: 0,
         rest: 0,
     };
@@ -145,7 +145,7 @@ impl<'a> NearBodies<'a> {
             if in_step[index].of_all(&range) {
                 continue;
             }
-            if near.count == MOST {
+            if near.count == MAX_NEAR {
                 near.rest = index;
                 break;
             }
