@@ -20,7 +20,6 @@ use super::contacts::vertex_pairs::SLICE;
 use super::detection::rows::Rows;
 use super::input::{ContactInput, Vertex};
 use super::ranges::Ranges;
-use super::surface::pairs::Listed;
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::kernels::pair::Kind;
@@ -42,11 +41,8 @@ pub(crate) struct Contacts {
     /// The vertices of listed pairs, and the place of each vertex of the cloth among them.
     pub order: Vec<u32>,
     pub place: Vec<AtomicU32>,
-    /// The corners of listed pairs of each kind, as places, and up to which bound of approach the pairs are safe.
-    pub corners: [Vec<[u32; 4]>; 2],
-    pub safe_until: [Vec<f32>; 2],
-    /// The thickness (m) of each pair.
-    pub thickness: [Vec<f32>; 2],
+    /// How many pairs of each list are in the portions.
+    pub numbered: [usize; 2],
     /// How the vertices of each patch move.
     pub motions: Vec<PatchMotion>,
     /// The common motion in the last substep, and the coefficients of friction.
@@ -93,7 +89,7 @@ impl Contacts {
         let was_numbered = self.is_numbered;
         if !was_numbered {
             self.number(lists, input.x.len(), input.context.workers);
-        } else if lists.iter().zip(&self.corners).any(|(rows, corners)| rows.pairs.len() > corners.len()) {
+        } else if lists.iter().zip(self.numbered).any(|(rows, numbered)| rows.pairs.len() > numbered) {
             self.number_more(lists, input.context.workers);
         }
         let ranges = Ranges::of(self.order.len(), SLICE, input.context.workers);
@@ -186,7 +182,7 @@ impl Contacts {
     /// Finds the near pairs among those that have not acted since they were listed. Makes the groups
     /// anew unless it `keeps_groups`.
     fn find(&mut self, lists: &mut [Rows; 2], keeps_groups: bool, input: ContactInput<'_>) {
-        let Contacts { corners, safe_until, thickness, motions, portions, used, vertices, x, u, acting, .. } = self;
+        let Contacts { motions, portions, used, vertices, x, u, acting, .. } = self;
         let (vertices, x, u, motions, ranges) = (&**vertices, &**x, &**u, &**motions, acting.ranges);
         let around = Around { surface: input.surface, x: input.x, vertices };
         let owner = |vertex: u32| input.surface.owner[vertices[vertex as usize].index as usize];
@@ -195,38 +191,32 @@ impl Contacts {
             let opposite = if kind == Kind::EdgeEdge { around.opposite(corners) } else { [0; 4] };
             Member { corners, opposite, listed, thickness, friction: friction(corners) }
         };
-        let mut portions = &mut portions[..*used];
-        let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| {
-            let portions = portions.split_off_mut(..pairs.len().div_ceil(PORTION)).unwrap_or_default();
-            ListSlice { portions, pairs, corners: &[], thickness: &[], lambda, safe_until: &mut [] }
-        });
-        for (of, (corners, (thickness, safe_until))) in left.iter_mut().zip(corners.iter().zip(thickness.iter().zip(safe_until)))
-        {
-            (of.corners, of.thickness, of.safe_until) = (corners, thickness, safe_until);
-        }
-        let counts = left.each_ref().map(|left| left.portions.len());
-        let parts = (0..input.context.workers.count()).map(|part| {
-            let mut counts = counts.iter().map(|count| input.context.workers.share(part, *count));
-            left.each_mut().map(|left| left.take(counts.next().unwrap_or(0)))
+        let mut left = lists.each_mut().map(|Rows { pairs, lambda, .. }| (&**pairs, &mut **lambda));
+        let parts = Portion::shared(&mut portions[..*used], input.context.workers).map(|shared| {
+            let mut left = left.iter_mut();
+            shared.map(|portions| {
+                let (pairs, lambda) = left.next()?;
+                let count = (portions.len() * PORTION).min(pairs.len());
+                Some((portions, pairs.split_off(..count)?, lambda.split_off_mut(..count)?))
+            })
         });
         input.context.workers.each(parts, |parts| {
-            parts.into_iter().flat_map(ListSlice::portions).for_each(
-                |ListSlice { portions, pairs, corners, thickness, lambda, safe_until }| {
-                    let (portion, most_push) = (&mut portions[0], input.most_push);
+            for (portions, pairs, lambda) in parts.into_iter().flatten() {
+                let each = portions.iter_mut().zip(pairs.chunks(PORTION).zip(lambda.chunks_mut(PORTION)));
+                for (portion, (pairs, lambda)) in each {
                     portion.bunches.take(portion.kind, pairs, motions.len());
                     portion.bunches.advance(motions, input.most_push, input.surface.thickness);
-                    simd::run(input.context.width, Find { corners, thickness, x, u, safe_until, most_push, around, portion });
+                    simd::run(input.context.width, Find { x, u, most_push: input.most_push, around, portion });
                     if !portion.joining.is_empty() || !keeps_groups {
                         let kind = portion.kind;
-                        let member = |corners, listed, thickness| member(kind, corners, listed, thickness);
-                        portion.join((pairs, corners), lambda, safe_until, member, ranges);
+                        portion.join(lambda, |corners, listed, thickness| member(kind, corners, listed, thickness), ranges);
                     }
                     if !keeps_groups {
                         // Pairs that do not act have no multipliers.
                         lambda.fill(Vec4::ZERO);
                     }
-                },
-            );
+                }
+            }
         });
     }
 
@@ -238,7 +228,7 @@ impl Contacts {
         let mut portions = &self.portions[..];
         for kind in Kind::ALL {
             // Pairs that have been added since have no multipliers.
-            let lambda = &mut lists[kind as usize].lambda[..self.corners[kind as usize].len()];
+            let lambda = &mut lists[kind as usize].lambda[..self.numbered[kind as usize]];
             let of_kind = portions.split_off(..lambda.len().div_ceil(PORTION)).unwrap_or_default();
             let part = workers.part(of_kind.len(), 1);
             workers.each(of_kind.chunks(part).zip(lambda.chunks_mut(part * PORTION)), |(portions, lambda)| {
@@ -300,36 +290,5 @@ impl Contacts {
             }
         });
         found.into_inner().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Consecutive portions of a list, and what is in them of the arrays that have an item for each pair.
-struct ListSlice<'a> {
-    portions: &'a mut [Portion],
-    pairs: &'a [Listed],
-    corners: &'a [[u32; 4]],
-    thickness: &'a [f32],
-    lambda: &'a mut [Vec4],
-    safe_until: &'a mut [f32],
-}
-
-impl<'a> ListSlice<'a> {
-    /// Takes at most so many portions off the front.
-    fn take(&mut self, portions: usize) -> ListSlice<'a> {
-        let portions = portions.min(self.portions.len());
-        let pairs = (portions * PORTION).min(self.pairs.len());
-        ListSlice {
-            portions: self.portions.split_off_mut(..portions).unwrap_or_default(),
-            pairs: self.pairs.split_off(..pairs).unwrap_or_default(),
-            corners: self.corners.split_off(..pairs).unwrap_or_default(),
-            thickness: self.thickness.split_off(..pairs).unwrap_or_default(),
-            lambda: self.lambda.split_off_mut(..pairs).unwrap_or_default(),
-            safe_until: self.safe_until.split_off_mut(..pairs).unwrap_or_default(),
-        }
-    }
-
-    /// The portions one by one.
-    fn portions(mut self) -> impl Iterator<Item = ListSlice<'a>> {
-        std::iter::from_fn(move || (!self.portions.is_empty()).then(|| self.take(1)))
     }
 }

@@ -18,7 +18,7 @@ const UNKNOWN: Vec4 = Vec4::NEG_ONE;
 impl Contacts {
     /// Numbers the vertices of the lists, in order.
     pub(crate) fn number(&mut self, lists: &[Rows; 2], vertices: usize, workers: Workers<'_>) {
-        let Contacts { order, place, corners, safe_until, thickness, motions, x, .. } = self;
+        let Contacts { order, place, motions, x, .. } = self;
         place.resize_with(vertices, AtomicU32::default);
         place.iter_mut().for_each(|place| *place.get_mut() = 0);
         motions.resize(vertices.div_ceil(PATCH), PatchMotion::NONE);
@@ -41,17 +41,15 @@ impl Contacts {
         }
         x.clear();
         x.resize(order.len(), UNKNOWN);
-        corners.iter_mut().for_each(Vec::clear);
-        safe_until.iter_mut().chain(thickness).for_each(Vec::clear);
-        self.used = 0;
+        (self.numbered, self.used) = ([0; 2], 0);
         self.add(lists, workers);
         self.is_numbered = true;
     }
 
     /// Numbers the vertices of pairs that have been added to the lists, too.
     pub(crate) fn number_more(&mut self, lists: &[Rows; 2], workers: Workers<'_>) {
-        let Contacts { order, place, corners, portions, used, x, acting, .. } = self;
-        let added = lists.iter().zip(&*corners).flat_map(|(rows, corners)| &rows.pairs[corners.len()..]);
+        let Contacts { order, place, numbered, portions, used, x, acting, .. } = self;
+        let added = lists.iter().zip(*numbered).flat_map(|(rows, numbered)| &rows.pairs[numbered..]);
         let is_new = |vertex: &u32| order.get(place[*vertex as usize].load(Ordering::Relaxed) as usize) != Some(vertex);
         let mut new: Vec<u32> = added.flat_map(|pair| pair.corners).filter(is_new).collect();
         if !new.is_empty() {
@@ -75,9 +73,12 @@ impl Contacts {
             (0..).zip(&*order).for_each(|(at, &vertex)| *place[vertex as usize].get_mut() = at);
             let shift =
                 |corners: &mut [[u32; 4]]| corners.as_flattened_mut().iter_mut().for_each(|at| *at = shifted[*at as usize]);
-            corners.iter_mut().for_each(|corners| workers.chunks(corners, GRAIN, |_, corners| shift(corners)));
-            let groups = portions[..*used].iter_mut().flat_map(|portion| &mut portion.groups);
-            groups.for_each(|group| shift(&mut group.block.corners));
+            workers.chunks(&mut portions[..*used], 1, |_, portions| {
+                for Portion { corners, groups, .. } in portions {
+                    shift(corners);
+                    groups.iter_mut().for_each(|group| shift(&mut group.block.corners));
+                }
+            });
             // What else depends on places is made anew.
             acting.ranges = Ranges::default();
         }
@@ -86,25 +87,12 @@ impl Contacts {
 
     /// Adds the pairs of the lists that are not there yet, whose vertices are numbered.
     fn add(&mut self, lists: &[Rows; 2], workers: Workers<'_>) {
-        let Contacts { place, corners, safe_until, thickness, portions, used, .. } = self;
+        let Contacts { place, numbered, portions, used, .. } = self;
         let portions_of = |pairs: usize| pairs.div_ceil(PORTION);
-        let (before, after) = (portions_of(corners[0].len()), portions_of(lists[0].pairs.len()));
-        for ((corners, (safe_until, thickness)), rows) in corners.iter_mut().zip(safe_until.iter_mut().zip(thickness)).zip(lists)
-        {
-            let first = corners.len();
-            thickness.extend(rows.pairs[first..].iter().map(|pair| pair.thickness));
-            safe_until.resize(rows.pairs.len(), f32::NEG_INFINITY);
-            corners.resize(rows.pairs.len(), [0; 4]);
-            let (corners, pairs) = (&mut corners[first..], &rows.pairs[first..]);
-            let part = workers.part(pairs.len(), GRAIN);
-            workers.each(corners.chunks_mut(part).zip(pairs.chunks(part)), |(corners, pairs)| {
-                for (corners, pair) in corners.iter_mut().zip(pairs) {
-                    *corners = pair.corners.map(|vertex| place[vertex as usize].load(Ordering::Relaxed));
-                }
-            });
-        }
+        let (before, after) = (portions_of(numbered[0]), portions_of(lists[0].pairs.len()));
+        *numbered = lists.each_ref().map(|rows| rows.pairs.len());
         let known = *used;
-        *used = after + portions_of(lists[1].pairs.len());
+        *used = after + portions_of(numbered[1]);
         portions.resize_with(portions.len().max(*used), Portion::default);
         portions[known..*used].iter_mut().for_each(Portion::clear);
         // New portions were appended behind those of both lists; those of the first list are rotated to its end.
@@ -113,6 +101,13 @@ impl Contacts {
             portion.kind = Kind::ALL[usize::from(index >= after)];
             portion.first = PORTION * (index - after * portion.kind as usize);
         }
+        let place = |vertex: u32| place[vertex as usize].load(Ordering::Relaxed);
+        workers.chunks(&mut portions[..*used], 1, |_, portions| {
+            for portion in portions {
+                let pairs = &lists[portion.kind as usize].pairs[portion.first..];
+                portion.add(&pairs[..pairs.len().min(PORTION)], place);
+            }
+        });
     }
 }
 

@@ -139,15 +139,10 @@ impl<L: Registers> Proximity<L> {
 
 /// Finds the near pairs among those of a portion that have not acted since they were listed and are due.
 pub(crate) struct Find<'a> {
-    /// The corners of the pairs as places among the vertices of listed pairs, whose positions and displacements (m) these
-    /// are; the w of a position is how far (m) the vertex is about to move relative to the common motion.
-    pub corners: &'a [[u32; 4]],
-    pub thickness: &'a [f32],
+    /// Positions and displacements (m) of the vertices of listed pairs; the w of a position is how far (m) the vertex is about to
+    /// move relative to the common motion.
     pub x: &'a [Vec4],
     pub u: &'a [Vec4],
-    /// Up to which bound of approach each pair need not be measured: see
-    /// [`ApproachBound`](approach::ApproachBound). Infinite if it is in a group.
-    pub safe_until: &'a mut [f32],
     pub most_push: f32,
     pub around: Around<'a>,
     pub portion: &'a mut Portion,
@@ -156,8 +151,8 @@ pub(crate) struct Find<'a> {
 impl Loop for Find<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Find { corners, thickness, x, u, safe_until, most_push, around, portion } = self;
-        let Portion { kind, blocks, joining, due_pairs, bunches, .. } = portion;
+        let Find { x, u, most_push, around, portion } = self;
+        let Portion { kind, corners, thickness, safe_until, blocks, joining, due_pairs, bunches, .. } = portion;
         let (kind, most_push, full) = (*kind, L::splat(2.0 * most_push), L::splat(around.surface.thickness));
         blocks.clear();
         joining.clear();

@@ -24,6 +24,11 @@ pub(crate) struct Portion {
     pub kind: Kind,
     /// Index in the list of the first pair.
     pub first: usize,
+    /// The corners of its pairs, as places among the vertices of listed pairs, and their thickness (m).
+    pub corners: Vec<[u32; 4]>,
+    pub thickness: Vec<f32>,
+    /// Up to which bound of approach each pair need not be measured: see [`ApproachBound`]. Infinite if it is in a group.
+    pub safe_until: Vec<f32>,
     /// The pairs that have acted since they were listed, in order, and the number of groups in the portions before.
     pub groups: Vec<Group>,
     pub before: usize,
@@ -103,6 +108,9 @@ impl DuePairs {
 impl Portion {
     /// Forgets its pairs.
     pub(crate) fn clear(&mut self) {
+        self.corners.clear();
+        self.thickness.clear();
+        self.safe_until.clear();
         self.groups.clear();
         self.bunches.clear();
     }
@@ -129,18 +137,24 @@ impl Portion {
         self.groups.iter().map(|group| group.count as usize).sum()
     }
 
+    /// Adds the pairs of its part of a list that it does not have yet, whose vertices have these places.
+    pub(crate) fn add(&mut self, pairs: &[Listed], place: impl Fn(u32) -> u32) {
+        let Portion { corners, thickness, safe_until, .. } = self;
+        let added = &pairs[corners.len()..];
+        // Room for all at once, because a step must not allocate when its lists are hardly longer than those before.
+        corners.reserve(PORTION - corners.len());
+        thickness.reserve(PORTION - thickness.len());
+        safe_until.reserve(PORTION - safe_until.len());
+        corners.extend(added.iter().map(|pair| pair.corners.map(&place)));
+        thickness.extend(added.iter().map(|pair| pair.thickness));
+        safe_until.resize(pairs.len(), f32::NEG_INFINITY);
+    }
+
     /// Adds the joining pairs to the groups, with the multipliers that they have in the list. From now on they are
     /// never due to be measured.
-    pub(crate) fn join(
-        &mut self,
-        (pairs, corners): (&[Listed], &[[u32; 4]]),
-        lambda: &[Vec4],
-        safe_until: &mut [f32],
-        member: impl Fn([u32; 4], u32, f32) -> Member,
-        ranges: Ranges,
-    ) {
+    pub(crate) fn join(&mut self, lambda: &[Vec4], member: impl Fn([u32; 4], u32, f32) -> Member, ranges: Ranges) {
         let mut left = self.members();
-        let Portion { first, groups, joining, ranges: of_groups, .. } = self;
+        let Portion { first, corners, thickness, safe_until, groups, joining, ranges: of_groups, .. } = self;
         let count = left + joining.len();
         groups.resize(count.div_ceil(MAX_LANES), Group::default());
         let listed = |groups: &[Group], member: usize| groups[member / MAX_LANES].listed[member % MAX_LANES] as usize - *first;
@@ -150,7 +164,7 @@ impl Portion {
             let (group, lane) = (place / MAX_LANES, place % MAX_LANES);
             let (pair, multiplier) = if let Some(pair) = joining.next_if(|&pair| left == 0 || pair > listed(groups, left - 1)) {
                 safe_until[pair] = f32::INFINITY;
-                (member(corners[pair], (*first + pair) as u32, pairs[pair].thickness), lambda[pair])
+                (member(corners[pair], (*first + pair) as u32, thickness[pair]), lambda[pair])
             } else {
                 left -= 1;
                 groups[left / MAX_LANES].pair(left % MAX_LANES)
