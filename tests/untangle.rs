@@ -97,9 +97,25 @@ fn two_sheets_part() {
     parts_for_good("a crease", &mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.x.abs() / 0.15)));
 }
 
+/// Contours that run straight across both sheets have no end to shrink to: one side of them has to go back through the other sheet.
+#[test]
+fn sheets_across_each_other_part() {
+    for n in [16, 32] {
+        let mesh = jittered(sheets(2, n, 0.5, 0.02), 1);
+        parts_for_good("a crease", &mesh, &dipped(&mesh, |x| 0.06 * (1.0 - x.x.abs() / 0.15)));
+        let half = mesh.positions.len() / 2;
+        let turned = |turn: f32| {
+            let slope = |(vertex, &x): (usize, &Vec3)| if vertex < half { x } else { x + Vec3::Y * (turn * (x.x + 0.05) - 0.02) };
+            mesh.positions.iter().enumerate().map(slope).collect::<Vec<Vec3>>()
+        };
+        parts_for_good("a slope", &mesh, &turned(-0.2));
+        parts_for_good("the other way", &mesh, &turned(0.4));
+    }
+}
+
 /// Towels that fell without contact intersect themselves all over their folds. Most of it is undone, and what is undone
-/// for good stays so. How much depends on the start: of 24 towels 7 were left with nothing, and of 5400 intersections
-/// together 5 % remained.
+/// for good stays so. How much depends on the start: of nine towels three are left with nothing, and of 1948 intersections
+/// together 28 remain.
 #[test]
 fn towels_that_fell_without_contact() {
     let (mut before, mut after) = (0, 0);
@@ -120,7 +136,7 @@ fn towels_that_fell_without_contact() {
             stays_apart(&format!("towel {seed}"), &mesh, &mut cloth);
         }
     }
-    assert!(10 * after < before, "{after} of {before} intersections are left");
+    assert!(30 * after < before, "{after} of {before} intersections are left");
 }
 
 /// Two crossing sheets with pinned borders (an X seen from the side) cannot be separated.
@@ -181,6 +197,33 @@ fn a_ball_in_a_sheet() {
         assert!(nearest > 0.198, "{depth} m deep: a vertex {nearest} m from the center of a ball of 0.2 m");
         let strain = cloth.measure().unwrap().max_strain;
         assert!(strain < 0.12, "{depth} m deep: worst strain {strain}");
+    }
+}
+
+/// Sheets that lie across each other close above a floor, or on a ball, are parted without being pushed into it.
+#[test]
+fn colliders_of_all_shapes_are_in_the_way() {
+    let mesh = jittered(sheets(2, 12, 0.5, 0.02), 1);
+    let x = dipped(&mesh, |x| 0.06 * (1.0 - x.x.abs() / 0.15));
+    let lowest = x.iter().map(|x| x.y).fold(f32::INFINITY, f32::min);
+    let center = Vec3::Y * (lowest - 5.001);
+    let above_floor: fn(Vec3, f32) -> f32 = |x, lowest| x.y - lowest;
+    let outside_ball: fn(Vec3, f32) -> f32 = |x, lowest| x.distance(Vec3::Y * (lowest - 5.001)) - 5.0;
+    let scenes = [(Collider::plane(Vec3::Y * lowest, Vec3::Y), above_floor), (Collider::sphere(center, 5.0), outside_ball)];
+    for (collider, gap) in scenes {
+        let part = |colliders| {
+            let mut cloth = cloth_at(&mesh, &x, Vec::new());
+            let parted = cloth.untangle(&Attributes { colliders, ..Attributes::default() }).unwrap();
+            assert!(parted.before > 10 && parted.after == 0, "{parted:?}");
+            cloth
+        };
+        let least = |x: &[Vec3]| x.iter().map(|x| gap(*x, lowest)).fold(f32::INFINITY, f32::min);
+        let entered = least(part(Vec::new()).positions().unwrap());
+        assert!(entered < -1e-3, "without a collider the sheets do not get there: {entered} m");
+        let mut cloth = part(vec![collider]);
+        let kept = least(cloth.positions().unwrap());
+        assert!(kept > -1e-6, "{kept} m inside");
+        assert!(crossings(&mesh, cloth.positions().unwrap()).is_empty());
     }
 }
 
@@ -253,10 +296,8 @@ fn wrong_attributes_are_refused() {
     assert_eq!(cloth.positions().unwrap(), x);
 }
 
-/// Two sheets that hang across each other, pinned at the top, cannot be parted. Removing one of eighty crossings is not worth the
-/// stretch, from which the cloth would jump whenever that is tried.
-#[test]
-fn what_hardly_parts_is_not_moved() {
+/// Two sheets that hang across each other, pinned at the top.
+fn hung_across() -> (Mesh, Deformer) {
     let one = Mesh::grid(21, 21, 0.6, 0.6);
     let upright = |turn: f32, by: Vec3| {
         let rotation = Quat::from_rotation_y(turn) * Quat::from_rotation_x(std::f32::consts::FRAC_PI_2);
@@ -269,7 +310,36 @@ fn what_hardly_parts_is_not_moved() {
     let top = mesh.positions.iter().map(|x| x.y).fold(f32::MIN, f32::max);
     let pinned = (0..2 * count).filter(|&vertex| mesh.positions[vertex as usize].y > top - 1e-4).collect();
     let options = Options { backend: Backend::Cpu, contact: Some(Contact::default()), pinned, ..Options::default() };
-    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    let cloth = Deformer::new(&mesh, options).unwrap();
+    (mesh, cloth)
+}
+
+/// They can be parted below the pins, though not at once, and then hang beside each other.
+#[test]
+fn sheets_that_hang_across_each_other_part() {
+    let (mesh, mut cloth) = hung_across();
+    let still = Attributes { damping: 1.0, ..Attributes::default() };
+    for frame in 0..61 {
+        if frame % 12 == 0 {
+            let parted = cloth.untangle(&still).unwrap();
+            println!("frame {frame}: {parted:?}");
+            assert!(frame < 24 || parted.before == 0, "frame {frame}: {parted:?}");
+        }
+        cloth.step(FRAME, &still).unwrap();
+    }
+    assert!(crossings(&mesh, cloth.positions().unwrap()).is_empty());
+    let strain = cloth.measure().unwrap().max_strain;
+    assert!(strain < 0.15, "worst strain {strain}");
+}
+
+/// With pins along the bottom, too, they cannot be parted. Removing one of eighty crossings is not worth the stretch, from which the
+/// cloth would jump whenever that is tried.
+#[test]
+fn what_hardly_parts_is_not_moved() {
+    let (mesh, mut cloth) = hung_across();
+    let is_pinned = |x: &Vec3| x.y.abs() > 0.299;
+    let pinned: Vec<u32> = (0..).zip(&mesh.positions).filter_map(|(vertex, x)| is_pinned(x).then_some(vertex)).collect();
+    cloth.set_pinned(pinned).unwrap();
     let still = Attributes { damping: 1.0, ..Attributes::default() };
     let mut farthest = 0.0_f32;
     for frame in 0..61 {

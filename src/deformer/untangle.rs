@@ -3,10 +3,12 @@
 use glam::Vec4;
 
 use super::Deformer;
-use crate::attributes::{Attributes, Shape};
+use crate::attributes::{Attributes, Collider, Shape};
 use crate::contact::untangle::untangle;
 use crate::error::StepError;
+use crate::kernels::contact::Body;
 use crate::model::mesh::Mesh;
+use crate::step::bodies::moving;
 
 /// The result of [`Deformer::untangle`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,12 +25,14 @@ pub struct Untangled {
 
 impl Deformer {
     /// Tries to separate cloth that crosses itself or mesh colliders in its present state, as garments are often
-    /// modeled. Vertices are moved as little as necessary, velocities stay, pins stay where they are, and mesh
-    /// colliders are where the attributes place them; if anything is moved, the next step moves all colliders from there.
+    /// modeled. Vertices are moved as little as necessary, velocities stay, pins stay where they are, and colliders are where the
+    /// attributes place them; if anything is moved, the next step moves all colliders from there. No vertex is moved into a
+    /// collider of another shape.
     /// Vertices inside a closed mesh are moved out of it, each the nearest way, which may stretch the edges between them to
     /// several times their length; the following steps draw them together. Cloth that crosses nothing and is inside of nothing stays as it is, bit for bit.
     ///
-    /// The contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006). This is a
+    /// The contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006); where that does not
+    /// help, the smaller side of a contour goes back through the other surface (Baraff, Witkin and Kass 2003). This is a
     /// local method, which may not find a way out: [`Untangled::after`] says what remains (if that would be more than nine
     /// tenths, nothing is moved), and
     /// [`Options::contact`](crate::Options::contact) ignores that until it has separated. It takes up to some hundred
@@ -51,9 +55,12 @@ impl Deformer {
                 _ => None,
             })
             .collect();
+        let at_rest = |collider: &Collider| moving(collider, collider, &self.cloth);
+        let is_analytic = |collider: &&Collider| !matches!(collider.shape, Shape::Mesh { .. });
+        let analytic: Vec<Body> = attributes.colliders.iter().filter(is_analytic).map(at_rest).collect();
         let mut x: Vec<Vec4> = self.local.clone();
         let thickness = self.options.contact.unwrap_or_default().thickness;
-        let untangled = untangle(&self.cloth, &mut x, &bodies, thickness);
+        let untangled = untangle(&self.cloth, &mut x, &bodies, &analytic, thickness);
         let [before, after] = untangled.map_err(|pairs| StepError::Crowded { pairs })?;
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);

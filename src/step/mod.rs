@@ -1,7 +1,7 @@
 //! Turns a step into numbers, independently of the engine that runs it.
 
 pub(crate) mod bending;
-mod bodies;
+pub(crate) mod bodies;
 pub(crate) mod coefficients;
 pub(crate) mod controller;
 pub(crate) mod load;

@@ -14,7 +14,7 @@ const FLATTEST: f32 = 0.1;
 ///
 /// Each is the sum of its own gradient and of the mean over its contour, because its own gradient alone does not move
 /// the straight parts of a contour.
-pub(crate) fn gradients(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec3A> {
+pub(crate) fn gradients(tangle: &Tangle<'_>, found: &[[u32; 2]]) -> Vec<Vec3A> {
     let own: Vec<Vec3A> = found.iter().map(|&crossing| gradient(tangle, crossing)).collect();
     let mut all = own.clone();
     for contour in contours(found, |edge| tangle.at_edges.of(edge)) {
@@ -30,19 +30,15 @@ pub(crate) fn gradients(tangle: &Tangle, found: &[[u32; 2]]) -> Vec<Vec3A> {
 /// If the edge's side moves by `d`, the point where its direction `E` meets the triangle's plane with normal `N` moves
 /// in that plane by `d - E (N.d)/(E.N)`. From there the contour continues along `R` through each of the triangles at
 /// the edge, so that it becomes shorter by `R.d - (E.R)(N.d)/(E.N)`.
-fn gradient(tangle: &Tangle, [edge, triangle]: [u32; 2]) -> Vec3A {
+fn gradient(tangle: &Tangle<'_>, [edge, triangle]: [u32; 2]) -> Vec3A {
     let [p, q] = tangle.edges[edge as usize].map(|vertex| tangle.at(vertex));
-    let normal = |triangle: u32| {
-        let [a, b, c] = tangle.triangles[triangle as usize].map(|vertex| tangle.at(vertex));
-        (b - a).cross(c - a).normalize_or_zero()
-    };
-    let (e, n) = ((q - p).normalize_or_zero(), normal(triangle));
+    let (e, n) = ((q - p).normalize_or_zero(), tangle.normal(triangle));
     let across = e.dot(n);
     let across = across.abs().max(FLATTEST).copysign(across);
     let through = |&beside: &u32| {
         let middle: Vec3A = tangle.triangles[beside as usize].into_iter().map(|vertex| tangle.at(vertex)).sum::<Vec3A>() / 3.0;
         let inward = (middle - p).reject_from_normalized(e);
-        let along = n.cross(normal(beside)).normalize_or_zero();
+        let along = n.cross(tangle.normal(beside)).normalize_or_zero();
         let r = along * 1.0_f32.copysign(along.dot(inward));
         r - n * (e.dot(r) / across)
     };

@@ -52,7 +52,7 @@ fn joined(positions: &[Vec3]) -> Vec<u32> {
 /// Moves the vertices of connected parts that are inside a body to the nearest points of its surface, and beyond it by the thickness.
 /// Returns their number. Nothing may cross, so that a part is inside a body if one of its vertices is: some are tested, because one may
 /// touch the surface.
-pub(crate) fn leave(tangle: &mut Tangle, bodies: &[&Mesh]) -> usize {
+pub(crate) fn leave(tangle: &mut Tangle<'_>, bodies: &[&Mesh]) -> usize {
     let (mut count, thickness) = (0, tangle.thickness);
     let Tangle { x, parts, .. } = tangle;
     for body in bodies {

@@ -4,7 +4,9 @@
 //! Two surfaces cross along a contour, a polyline whose vertices are the crossings of edges with triangles. At each of
 //! these vertices the gradient of the contour's length gives the direction in which the two sides have to move relative
 //! to each other to make it shorter; a contour of length zero has vanished (Volino and Magnenat-Thalmann 2006,
-//! "Resolving Surface Collisions through Intersection Contour Minimization"). See [`contour`]. Cloth that is then still
+//! "Resolving Surface Collisions through Intersection Contour Minimization"). See [`contour`]. Where that leads nowhere, as
+//! along a straight contour from border to border, one of the two sides goes back through the other surface as a whole
+//! ([`regions`]). Analytic colliders are in the way of both ([`outside`]). Cloth that is then still
 //! inside a closed body without crossing it is moved to the nearest point of its surface ([`inside`]); in the opposite
 //! order a sheet halfway through a body would be torn to both sides of it.
 //!
@@ -14,10 +16,15 @@
 
 mod contour;
 mod inside;
+mod outside;
+mod regions;
 
 use glam::{Vec3A, Vec4};
+use outside::Obstacle;
+use regions::Region;
 
 use super::crossings::Features;
+use crate::kernels::contact::Body;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
@@ -25,7 +32,7 @@ use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::{EdgeIndex, Mesh, edges, is_proper, triangles_at};
 
 /// Most rounds, and most rounds in a row without a decrease in the number of crossings.
-const ROUNDS: usize = 400;
+const ROUNDS: usize = 600;
 const PATIENCE: usize = 60;
 /// Length of a move, in mean edge lengths of the cloth.
 const STEP: f32 = 0.2;
@@ -37,8 +44,19 @@ const SETTLES: usize = 20;
 /// into motion.
 const MOST_LEFT: f64 = 0.9;
 
+/// Who asks vertices to move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Way {
+    Contours,
+    Regions,
+    Both,
+}
+
+/// Tried one after another, each for as long as it helps, until none does.
+const WAYS: [Way; 3] = [Way::Contours, Way::Regions, Way::Both];
+
 /// The features of the cloth and the bodies together.
-struct Tangle {
+struct Tangle<'a> {
     /// Positions (m) of the cloth's vertices, then of the bodies'; `w` is 1 if the vertex may be moved, otherwise 0.
     x: Vec<Vec4>,
     /// Number of the cloth's vertices, and those of each of its connected parts.
@@ -50,10 +68,12 @@ struct Tangle {
     at_edges: Csr<u32>,
     /// The thickness (m) of the cloth.
     thickness: f32,
+    /// The analytic colliders.
+    obstacles: Vec<Obstacle<'a>>,
 }
 
-impl Tangle {
-    fn new(cloth: &Cloth, x: &[Vec4], bodies: &[Mesh], thickness: f32) -> Tangle {
+impl<'a> Tangle<'a> {
+    fn new(cloth: &Cloth, x: &[Vec4], bodies: &[Mesh], analytic: &'a [Body], thickness: f32) -> Tangle<'a> {
         let mut all: Vec<Vec4> = x.iter().map(|x| x.with_w(f32::from(x.w > 0.0))).collect();
         let mut triangles = cloth.triangles.clone();
         for body in bodies {
@@ -69,7 +89,8 @@ impl Tangle {
         let mut parts = vec![Vec::new(); x.len()];
         (0..).zip(part_of).for_each(|(vertex, part)| parts[part as usize].push(vertex));
         parts.retain(|part| !part.is_empty());
-        Tangle { x: all, cloth_vertices: x.len(), parts, triangles, edges, at_edges, thickness }
+        let obstacles = analytic.iter().map(|body| Obstacle::new(body, x, thickness)).collect();
+        Tangle { x: all, cloth_vertices: x.len(), parts, triangles, edges, at_edges, thickness, obstacles }
     }
 
     /// The crossings: an edge and a triangle each, at least one of which belongs to the cloth. If there are too many pairs to test,
@@ -85,22 +106,34 @@ impl Tangle {
         xyz(self.x[vertex as usize])
     }
 
-    /// Moves vertices by the mean of the directions that the crossings ask for, at most by `step` (m).
-    fn shorten_contours(&mut self, found: &[[u32; 2]], step: f32) {
+    /// The unit normal of a triangle; zero if it has no area.
+    fn normal(&self, triangle: u32) -> Vec3A {
+        let [a, b, c] = self.triangles[triangle as usize].map(|vertex| self.at(vertex));
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// Moves vertices by the mean of the directions in which they are asked to go, at most by `step` (m): by the crossings, by the
+    /// regions that are to get `back`, or by both.
+    fn advance(&mut self, found: &[[u32; 2]], back: &[Region], way: Way, step: f32) {
         let mut moves = vec![Vec4::ZERO; self.x.len()];
-        for (&[edge, triangle], toward) in found.iter().zip(contour::gradients(self, found)) {
-            let mut ask = |vertex: u32, by: Vec3A| moves[vertex as usize] += by.extend(1.0);
-            self.edges[edge as usize].into_iter().for_each(|vertex| ask(vertex, toward));
-            self.triangles[triangle as usize].into_iter().for_each(|vertex| ask(vertex, -toward));
+        let mut ask = |vertex: u32, by: Vec3A| moves[vertex as usize] += by.extend(1.0);
+        if way != Way::Regions {
+            for (&[edge, triangle], toward) in found.iter().zip(contour::gradients(self, found)) {
+                self.edges[edge as usize].into_iter().for_each(|vertex| ask(vertex, toward));
+                self.triangles[triangle as usize].into_iter().for_each(|vertex| ask(vertex, -toward));
+            }
+        }
+        if way != Way::Contours {
+            back.iter().for_each(|(vertices, toward)| vertices.iter().for_each(|&vertex| ask(vertex, *toward)));
         }
         for (x, by) in self.x.iter_mut().zip(moves).filter(|(x, by)| x.w * by.w > 0.0) {
             *x += (xyz(by) * (step / by.w)).extend(0.0);
         }
     }
 
-    /// Moves the cloth's edges toward their rest lengths, one after another.
+    /// Moves the cloth's edges toward their rest lengths, one after another, in some passes.
     fn relax(&mut self, cloth: &Cloth) {
-        for link in &cloth.links {
+        for link in (0..PASSES).flat_map(|_| &cloth.links) {
             let [a, b] = link.ends.map(|end| end as usize);
             let (apart, free) = (xyz(self.x[b]) - xyz(self.x[a]), self.x[a].w + self.x[b].w);
             let length = apart.length();
@@ -111,16 +144,32 @@ impl Tangle {
                 self.x[b] -= by * of_b;
             }
         }
+        self.keep_out();
+    }
+
+    /// Moves vertices out of the closed bodies in which they are, and returns their number.
+    fn leave(&mut self, solids: &[&Mesh]) -> usize {
+        let left = inside::leave(self, solids);
+        if left > 0 {
+            self.keep_out();
+        }
+        left
+    }
+
+    /// Moves what has entered analytic colliders out of them.
+    fn keep_out(&mut self) {
+        let Tangle { x, obstacles, .. } = self;
+        obstacles.iter().for_each(|obstacle| obstacle.keep_out(x));
     }
 }
 
 /// Moves the edges of a cloth at `x` (m) without crossings toward their rest lengths, as long as none arises.
-fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh]) -> Vec<Vec4> {
+fn settled(mut tangle: Tangle<'_>, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh]) -> Vec<Vec4> {
     tangle.x.clone_from(&x);
     let mut settled = x;
     for _ in 0..SETTLES {
-        (0..PASSES).for_each(|_| tangle.relax(cloth));
-        if !tangle.crossings().is_ok_and(|found| found.is_empty()) || inside::leave(&mut tangle, solids) > 0 {
+        tangle.relax(cloth);
+        if !tangle.crossings().is_ok_and(|found| found.is_empty()) || tangle.leave(solids) > 0 {
             break;
         }
         settled.clone_from(&tangle.x);
@@ -129,19 +178,28 @@ fn settled(mut tangle: Tangle, x: Vec<Vec4>, cloth: &Cloth, solids: &[&Mesh]) ->
 }
 
 /// Moves the cloth's vertices `x` (m; `w` is the inverse mass, 0 where a vertex is fixed) until no edge of the cloth
-/// passes through a triangle of the cloth or of a body, or no further progress is made. Leaves them where they are if nearly all
-/// crossings remain. Returns the numbers of crossings before and after; if there are too many pairs to test, their number.
-pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness: f32) -> Result<[usize; 2], usize> {
-    let mut tangle = Tangle::new(cloth, x, bodies, thickness);
+/// passes through a triangle of the cloth or of a body, or no further progress is made; they do not enter the `analytic` colliders.
+/// Leaves them where they are if nearly all crossings remain. Returns the numbers of crossings before and after; if there are too many
+/// pairs to test, their number.
+pub(crate) fn untangle(
+    cloth: &Cloth,
+    x: &mut [Vec4],
+    bodies: &[Mesh],
+    analytic: &[Body],
+    thickness: f32,
+) -> Result<[usize; 2], usize> {
+    let mut tangle = Tangle::new(cloth, x, bodies, analytic, thickness);
     let solids: Vec<&Mesh> = bodies.iter().filter(|body| inside::is_closed(body)).collect();
     let lengths: f32 = cloth.links.iter().map(|link| link.rest).sum();
     let step = STEP * lengths / cloth.links.len().max(1) as f32;
     let mut found = tangle.crossings()?;
     let before = found.len();
     let (mut best, mut since, mut is_moved, mut was_inside) = ((before, tangle.x.clone()), 0, false, false);
+    // How many ways were tried, and how many of the last ones did not help.
+    let (mut tried, mut idle, mut left_before, mut back) = (0, 0, before, Vec::new());
     for _ in 0..ROUNDS {
         if found.is_empty() {
-            let left = inside::leave(&mut tangle, &solids);
+            let left = tangle.leave(&solids);
             (is_moved, was_inside) = (is_moved || left > 0, was_inside || left > 0);
             found = tangle.crossings()?;
             // Cloth that was inside of a body crossed nothing either, but is not to stay there.
@@ -150,15 +208,22 @@ pub(crate) fn untangle(cloth: &Cloth, x: &mut [Vec4], bodies: &[Mesh], thickness
                 break;
             }
         }
-        tangle.shorten_contours(&found, step);
-        (0..PASSES).for_each(|_| tangle.relax(cloth));
+        tangle.advance(&found, &back, WAYS[tried % WAYS.len()], step);
+        tangle.relax(cloth);
         is_moved = true;
         found = tangle.crossings()?;
         since += 1;
         if found.len() < best.0 {
             (best, since) = ((found.len(), tangle.x.clone()), 0);
         } else if since > PATIENCE {
-            break;
+            tangle.x.clone_from(&best.1);
+            found = tangle.crossings()?;
+            back = regions::regions(&tangle, &found);
+            idle = if best.0 < left_before { 0 } else { idle + 1 };
+            if idle == WAYS.len() || back.is_empty() {
+                break;
+            }
+            (tried, left_before, since) = (tried + 1, best.0, 0);
         }
     }
     let (after, mut to) = best;
