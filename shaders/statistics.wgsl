@@ -10,6 +10,7 @@ const ONE: f32 = 67108864.0;
 const MAX_STRETCH: f32 = 32.0;
 const SLOW: f32 = 0.01;
 const SLOW_PARTS: f32 = 128.0;
+const CRUSHED: f32 = 0.97;
 
 struct StrainGauge {
     ends: vec2u,
@@ -26,6 +27,7 @@ struct Statistics {
     fastest: atomic<u32>,
     low: array<atomic<u32>, 3>,
     high: array<atomic<u32>, 3>,
+    crushed: atomic<u32>,
 }
 
 // The class of a stretch or a speed: eight classes per octave from `least` on, formed from the leading bits of the
@@ -38,6 +40,11 @@ fn class_of(value: f32, least: f32) -> u32 {
 // The stretch of an edge with this length [m]; 0 if it is compressed.
 fn stretch(length: f32, inverse_rest: f32) -> f32 {
     return max(length * inverse_rest, 1.0) - 1.0;
+}
+
+// Whether an edge with this length [m] is crushed.
+fn is_crushed(length: f32, inverse_rest: f32) -> bool {
+    return length * inverse_rest < CRUSHED;
 }
 
 // Maps a number to an integer so that integers are ordered like the numbers.

@@ -226,6 +226,15 @@ impl Engine {
         }
     }
 
+    /// Replaces the displacements between steps.
+    pub(crate) fn put_displacements(&mut self, p: &[Vec4]) {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.put_displacements(p),
+            _ => self.cpu_mut().into_iter().for_each(|cpu| cpu.put_displacements(p)),
+        }
+    }
+
     /// What the engine knows besides positions and displacements.
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
         match self {

@@ -73,6 +73,8 @@ struct StepDecision {
     /// What moves fastest in the step, and the bounds that its result is checked with.
     fastest: Fastest,
     bounds: Bounds,
+    /// Whether the step computes statistics.
+    is_observed: bool,
 }
 
 /// What the next step depends on, besides what the engine has of the motion.
@@ -117,6 +119,8 @@ pub struct Deformer {
     local: Vec<Vec4>,
     /// The placed state that the next step begins from, if a part of it is flat.
     flat_start: Option<FlatStart>,
+    /// The displacements before crushed cloth was given a kick, during a step that begins with one.
+    before_kick: Option<Vec<Vec4>>,
     /// Whether `positions`, `velocities` and `local` are those of the current state.
     is_current: bool,
 }
@@ -160,6 +164,7 @@ impl Deformer {
             has_arrived: false,
             local,
             flat_start,
+            before_kick: None,
             is_current: true,
         })
     }
@@ -169,7 +174,8 @@ impl Deformer {
     ///
     /// Before the first step from a state that was placed, exactly flat parts of the cloth are moved out of their plane by
     /// up to a millionth of their size if gravity acts along it: otherwise they could not fold, and pins that close
-    /// on each other would crush them in their plane.
+    /// on each other would crush them in their plane. Likewise cloth that lies flat on a plane or a box, or floats without gravity, and
+    /// is pushed together by pins or colliders gets a kick of some thousandths of an edge out of its plane, from which it wrinkles.
     ///
     /// On the CPU the threads of the current rayon pool share the work, and a thread that waits for another may run any
     /// other task of that pool in the meantime, as always in rayon. Do not hold a lock across a step that another task
@@ -279,7 +285,20 @@ impl Deformer {
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
         let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
-        Ok(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels, fastest, bounds })
+        let is_observed = self.is_observed(attributes);
+        Ok(StepDecision {
+            dt,
+            load,
+            controller,
+            substep_rate,
+            division,
+            levels,
+            has_contact,
+            trades_levels,
+            fastest,
+            bounds,
+            is_observed,
+        })
     }
 
     /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.
@@ -307,6 +326,7 @@ impl Deformer {
         }
         let decision = self.decide(dt, attributes)?;
         self.make_imperfect(attributes.gravity);
+        self.let_buckle(attributes)?;
         let (length, levels) = (decision.division.length, decision.levels as usize);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
@@ -318,7 +338,6 @@ impl Deformer {
 
     /// The engine and the plan that it is to execute.
     fn plan<'a>(&'a mut self, decision: &StepDecision, attributes: &'a Attributes) -> (&'a mut Engine, Plan<'a>) {
-        let observed = self.is_observed(attributes);
         let coefficients = self.coefficients.as_ref().expect("a step is prepared first");
         let inputs = StepInputs {
             cloth: &self.cloth,
@@ -330,7 +349,7 @@ impl Deformer {
             attributes,
         };
         let plan = Plan { place: decision.fastest.place, ..Plan::new(&inputs, &mut self.buffers) };
-        let mut plan = if observed { plan.observed() } else { plan };
+        let mut plan = if decision.is_observed { plan.observed() } else { plan };
         self.state.watch.limit(&mut plan.params, decision.bounds);
         (&mut self.engine, plan)
     }
@@ -347,13 +366,14 @@ impl Deformer {
             let error = self.failed(failure);
             self.state.bounds = before;
             self.make_flat();
+            self.undo_kick();
             // Contact may have read the state and found that an earlier step failed.
             if self.backend() == Backend::Gpu && matches!(error, StepError::Unstable { .. }) {
                 self.start_from_engine_state();
             }
             error
         })?;
-        self.flat_start = None;
+        (self.flat_start, self.before_kick) = (None, None);
         let &StepDecision { dt, substep_rate, division: Division { substeps, .. }, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
@@ -366,7 +386,7 @@ impl Deformer {
         self.is_current = false;
         let mut warnings = self.warnings(decision, limited);
         warnings.extend(self.contact_warnings(attributes));
-        let stretch = self.evaluate(decision, attributes, seen.as_ref(), &mut warnings);
+        let stretch = self.evaluate(decision, seen.as_ref(), &mut warnings);
         self.watch_for_sleep(dt, attributes, seen.as_ref());
         let contacts = self.engine.contact().map_or(0, |tally| tally.contacts);
         let in_a_sixtieth = (substep_rate / SIXTIETHS).ceil() as u32;

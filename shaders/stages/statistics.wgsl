@@ -25,12 +25,15 @@ fn count(
     var sum = vec2f(0.0);
     let all = groups.x * groups.y * WORKGROUP;
     var worst = 0.0;
+    var crushed = 0u;
     for (var i = item(id, groups); i < arrayLength(&gauges); i += all) {
         let gauge = gauges[i];
-        let stretched = stretch(length(x[gauge.ends.x].xyz - x[gauge.ends.y].xyz), gauge.inverse_rest);
+        let across = length(x[gauge.ends.x].xyz - x[gauge.ends.y].xyz);
+        let stretched = stretch(across, gauge.inverse_rest);
         atomicAdd(&stretches[class_of(stretched, MIN_STRETCH)], gauge.weight);
         sum.x += f32(gauge.weight) * min(stretched, MAX_STRETCH);
         worst = max(worst, stretched);
+        crushed += select(0u, gauge.weight, is_crushed(across, gauge.inverse_rest));
     }
     var fastest = 0.0;
     var low = vec3f(MAX_POSITION);
@@ -47,6 +50,7 @@ fn count(
     }
     atomicMax(&statistics.worst_stretch, bitcast<u32>(worst));
     atomicMax(&statistics.fastest, bitcast<u32>(fastest));
+    if crushed > 0u { atomicAdd(&statistics.crushed, crushed); }
     for (var axis = 0u; axis < 3u; axis++) {
         atomicMin(&statistics.low[axis], ordered(low[axis]));
         atomicMax(&statistics.high[axis], ordered(high[axis]));

@@ -101,6 +101,10 @@ impl Cpu {
 
     pub(crate) fn put(&mut self, x: &[Vec4], p: &[Vec4]) {
         self.x.copy_from_slice(x);
+        self.put_displacements(p);
+    }
+
+    pub(crate) fn put_displacements(&mut self, p: &[Vec4]) {
         self.p.copy_from_slice(p);
     }
 

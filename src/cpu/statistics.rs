@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use crate::kernels::integrate::xyz;
 use crate::kernels::statistics::{
-    MAX_STRETCH, MIN_SPEED, MIN_STRETCH, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, ordered, stretch,
+    MAX_STRETCH, MIN_SPEED, MIN_STRETCH, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, is_crushed, ordered,
+    stretch,
 };
 use crate::simd::{self, Loop, MAX_LANES, Registers, Width, vector_of_lane};
 
@@ -53,6 +54,7 @@ impl Observed<'_> {
                 seen.stretch[class_of(stretch, MIN_STRETCH)] += gauge.weight;
                 sum += gauge.weight as f32 * stretch.min(MAX_STRETCH);
                 worst = worst.max(stretch);
+                seen.crushed += if is_crushed(length, gauge.inverse_rest) { gauge.weight } else { 0 };
             }
         }
         seen.mean_stretch = (sum * (ONE / WHOLE as f32)).round() as u32;

@@ -68,6 +68,7 @@ impl Deformer {
             || self.options.sleep.is_some()
             || flies_at_them
             || mesh_colliders(attributes).next().is_some()
+            || self.may_be_crushed(attributes)
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).
@@ -134,12 +135,11 @@ impl Deformer {
     pub(super) fn evaluate(
         &mut self,
         decision: &StepDecision,
-        attributes: &Attributes,
         seen: Option<&Statistics>,
         warnings: &mut Vec<Warning>,
     ) -> Option<Stretch> {
         self.state.controller = decision.controller;
-        if !self.is_observed(attributes) {
+        if !decision.is_observed {
             self.state.awaiting_statistics.clear();
             self.state.seen = None;
             self.state.motion.course = Vec3::ZERO;

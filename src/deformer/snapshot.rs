@@ -13,7 +13,7 @@ use crate::record::{Hash, Recorded, recorded};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 13;
+const VERSION: u32 = 14;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
@@ -109,7 +109,7 @@ struct Content {
 
 recorded!(Content { identity, lanes, x, p, engine, state });
 recorded!(State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
-recorded!(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels } but { fastest, bounds });
+recorded!(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels } but { fastest, bounds, is_observed });
 
 impl Deformer {
     /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that

@@ -263,7 +263,7 @@ impl Deformer {
     }
 
     /// Updates `positions`, `velocities` and `local`.
-    fn refresh_positions(&mut self) -> Result<(), StepError> {
+    pub(super) fn refresh_positions(&mut self) -> Result<(), StepError> {
         if self.is_current {
             return Ok(());
         }

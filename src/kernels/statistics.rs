@@ -27,6 +27,9 @@ pub(crate) const SLOW: f32 = 0.01;
 /// 1 as a fixed-point number in that sum.
 pub(crate) const SLOW_PARTS: f32 = 128.0;
 
+/// An edge that is shorter than this share of its length at rest is crushed: cloth would have buckled.
+pub(crate) const CRUSHED: f32 = 0.97;
+
 /// An edge by whose stretch the cloth's strain is measured.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -58,6 +61,8 @@ pub(crate) struct Statistics {
     pub low: [u32; 3],
     /// Its highest corner.
     pub high: [u32; 3],
+    /// Area that is [`CRUSHED`], in units of 1/[`WHOLE`].
+    pub crushed: u32,
 }
 
 impl Default for Statistics {
@@ -66,7 +71,7 @@ impl Default for Statistics {
     }
 }
 
-recorded!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high });
+recorded!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high, crushed });
 
 impl Statistics {
     /// The statistics of no vertices and no gauges.
@@ -79,6 +84,7 @@ impl Statistics {
         fastest: 0,
         low: [u32::MAX; 3],
         high: [0; 3],
+        crushed: 0,
     };
 
     /// Combines the statistics of two parts.
@@ -91,6 +97,7 @@ impl Statistics {
         self.fastest = self.fastest.max(other.fastest);
         self.low = std::array::from_fn(|axis| self.low[axis].min(other.low[axis]));
         self.high = std::array::from_fn(|axis| self.high[axis].max(other.high[axis]));
+        self.crushed += other.crushed;
         self
     }
 
@@ -168,6 +175,11 @@ fn quantile(histogram: &[u32; CLASSES], least: f32, exceeded: f64) -> f32 {
 /// The stretch of an edge with this length (m); 0 if it is compressed.
 pub(crate) fn stretch(length: f32, inverse_rest: f32) -> f32 {
     (length * inverse_rest).max(1.0) - 1.0
+}
+
+/// Whether an edge with this length (m) is crushed.
+pub(crate) fn is_crushed(length: f32, inverse_rest: f32) -> bool {
+    length * inverse_rest < CRUSHED
 }
 
 /// Maps a number to an integer so that integers are ordered like the numbers.

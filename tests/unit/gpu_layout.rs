@@ -58,7 +58,7 @@ fn structs() -> Vec<Layout> {
         layout!(Tether { anchor, length, slack, share }),
         layout!(Batch { first, count }),
         layout!(StrainGauge { ends, inverse_rest, weight }),
-        layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high }),
+        layout!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high, crushed }),
         layout!(Member { item, share }),
         layout!(Average { x, u }),
         layout!(BoundVertex { corners, height, weights, padding_1, normal_weights, padding_2, normal, padding_3 }),

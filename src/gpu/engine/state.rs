@@ -40,10 +40,13 @@ impl GpuEngine {
 
     /// Writes the state that `steps` steps led to.
     pub(crate) fn put(&self, x: &[Vec4], p: &[Vec4], steps: u32) {
-        let state = &self.forces.states[0];
-        self.gpu.write(&state.x, 0, x);
-        self.gpu.write(&state.p, 0, p);
+        self.gpu.write(&self.forces.states[0].x, 0, x);
+        self.put_displacements(p);
         self.commit.restart(&self.gpu, steps);
+    }
+
+    pub(crate) fn put_displacements(&self, p: &[Vec4]) {
+        self.gpu.write(&self.forces.states[0].p, 0, p);
     }
 
     /// What the engine knows besides positions and displacements; waits for it.
