@@ -155,6 +155,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("MAX_STRETCH", Literal::F32(statistics::MAX_STRETCH)),
         ("SLOW", Literal::F32(statistics::SLOW)),
         ("SLOW_PARTS", Literal::F32(statistics::SLOW_PARTS)),
+        ("CRUSHED", Literal::F32(statistics::CRUSHED)),
         ("IN_TABLE", Literal::U32(IN_TABLE)),
         ("IN_TILES", Literal::U32(IN_TILES)),
         ("MAX_SQUARE", Literal::F32(crate::kernels::watch::MAX_SQUARE)),

@@ -24,7 +24,9 @@ impl Indices {
     /// If a row is not within the bound.
     pub(crate) fn extend(&mut self, indices: impl IntoIterator<Item = u32>) {
         let (length, bound) = (self.length, self.bound);
-        let check = |&first: &u32| assert!(first as usize + length <= bound, "{length} from {first} on, of {bound}");
+        // Without a sum, which might overflow where addresses have 32 bits.
+        let is_inside = |first: u32| bound.checked_sub(length).is_some_and(|last| first as usize <= last);
+        let check = |&first: &u32| assert!(is_inside(first), "{length} from {first} on, of {bound}");
         self.items.extend(indices.into_iter().inspect(check));
     }
 
