@@ -113,7 +113,8 @@ pub struct Tuned {
     /// The cheapest run that kept the tolerance, also in the frames that verify it; if [`Tuned::kept`] is false, the run with
     /// the least error in all frames.
     pub best: Trial,
-    /// Whether any run kept the tolerance. None does if it is smaller than what the substeps leave at their shortest.
+    /// Whether any run kept the tolerance, or what was [`allowed`](Tuned::allowed) instead of it because the motion is chaotic: compare
+    /// the two where the tolerance itself matters. None does if it is smaller than what the substeps leave at their shortest.
     pub kept: bool,
     /// The options of that run. [`Setting::attributes`] says whether the scene's air can be left out.
     pub options: Options,
