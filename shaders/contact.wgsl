@@ -23,6 +23,13 @@ const SWEEP_STEPS: u32 = 24u;
 // A path touches a body at less than this share of its radius, or of half a box's thickness.
 const TOUCHING: f32 = 0.001;
 
+// How `entered` ranks the faces of a box: see src/kernels/contact/rounded_box.rs.
+const ROUNDING: f32 = 9.5367431640625e-7;
+const PRESSED: f32 = 1e-5;
+const WAS_OUTSIDE: f32 = 8.0;
+const SLID: f32 = 4.0;
+const CARRIES: f32 = 2.0;
+
 // The position of a vertex and its displacement in this substep.
 struct Path {
     x: vec3f,
@@ -34,6 +41,18 @@ struct Touch {
     hit: bool,
     n: vec3f,
     after: f32,
+}
+
+// Where a path ends on a box, and whether it slid along that face.
+struct BoxEnd {
+    touch: Touch,
+    slides: bool,
+}
+
+// The face through which a path entered a box, and whether it slid along it.
+struct Entry {
+    axis: vec3f,
+    slid: bool,
 }
 
 // The normal and the signed distance at the point of a surface that is nearest to a given point.
@@ -122,12 +141,15 @@ fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint
     let before = box_gap(y, core, radius).distance;
     let thin = SWEPT * (min(core.x, min(core.y, core.z)) + radius);
     let travel2 = dot(dy, dy);
-    var touch = Touch(false, vec3f(), 0.0);
+    let size = max_element(abs(body.a)) + max_element(core) + radius;
+    let up = turned_back(ends, params.acceleration * (-1.0 / max(length(params.acceleration), 1e-30)));
+    let end = box_end(y, dy, core, core_step, radius, up, ROUNDING * size);
+    var touch = end.touch;
     if before > -thin && travel2 > thin * thin {
-        touch = swept_box(y, dy, core, radius, sqrt(travel2));
-    }
-    if !touch.hit {
-        touch = box_end(y, dy, core, core_step, radius);
+        let on_the_way = swept_box(y, dy, core, radius, sqrt(travel2));
+        if on_the_way.hit && !end.slides {
+            touch = on_the_way;
+        }
     }
     let share = grip(y + dy, core + core_step, radius, body.slick);
     return ContactPoint(turned(ends, touch.n), before, touch.after - growth, step, share);
@@ -139,21 +161,38 @@ fn grip(end: vec3f, core: vec3f, radius: f32, slick: f32) -> f32 {
     return min((radius - min(second, 0.0)) / max(slick, MIN_LENGTH), 1.0);
 }
 
-// The point of a box's surface that is nearest to a path's end.
-fn box_end(y: vec3f, dy: vec3f, core: vec3f, core_step: vec3f, radius: f32) -> Touch {
+// The point of a box's surface that is nearest to a path's end, or on the face through which it entered.
+fn box_end(y: vec3f, dy: vec3f, core: vec3f, core_step: vec3f, radius: f32, up: vec3f, rounding: f32) -> BoxEnd {
     let side = toward(y + dy);
     let beyond = abs(y + dy) - (core + core_step);
     let outside = positive(beyond);
+    let planes = dot(outside, vec3f(1.0));
     let d0 = outside * (y - side * core);
     let dd = outside * (dy - side * core_step);
     let start = length(d0);
     let end = length(d0 + dd);
-    if dot(outside, vec3f(1.0)) > 1.0 && end > MIN_LENGTH {
-        return Touch(true, (d0 + dd) / end, start - radius + (2.0 * dot(d0, dd) + dot(dd, dd)) / (start + end));
+    if planes > 1.0 && end > MIN_LENGTH {
+        let after = start - radius + (2.0 * dot(d0, dd) + dot(dd, dd)) / (start + end);
+        return BoxEnd(Touch(true, (d0 + dd) / end, after), false);
     }
-    let axis = farthest(beyond);
+    var entry = Entry(farthest(beyond), false);
+    if planes < 1.0 {
+        entry = entered(side * y - (core + radius), side * dy - core_step, beyond, side * up, rounding);
+    }
+    let axis = entry.axis;
     let n = side * axis;
-    return Touch(true, n, (dot(n, y) - dot(axis, core)) - radius + dot(n, dy) - dot(axis, core_step));
+    let after = (dot(n, y) - dot(axis, core)) - radius + dot(n, dy) - dot(axis, core_step);
+    return BoxEnd(Touch(true, n, after), entry.slid);
+}
+
+fn entered(start: vec3f, away: vec3f, beyond: vec3f, up: vec3f, rounding: f32) -> Entry {
+    let way = length(away);
+    let was_outside = start > vec3f(-rounding);
+    let slid = was_outside & (start < vec3f(rounding)) & (away < vec3f(-PRESSED * way));
+    let leaves = (farthest(beyond) > vec3f()) & (away > vec3f());
+    let rank = vec3f(WAS_OUTSIDE) + up * CARRIES + select(vec3f(), vec3f(SLID), slid | leaves);
+    let axis = farthest(select(beyond, beyond + rank * (way + rounding), was_outside | leaves));
+    return Entry(axis, abs(dot(axis, start)) < rounding && dot(axis, away) < -PRESSED * way);
 }
 
 fn swept_box(y: vec3f, dy: vec3f, core: vec3f, radius: f32, travel: f32) -> Touch {
@@ -183,6 +222,10 @@ fn box_gap(y: vec3f, core: vec3f, radius: f32) -> Gap {
     }
     let axis = farthest(beyond);
     return Gap(side * axis, dot(axis, beyond) - radius);
+}
+
+fn max_element(v: vec3f) -> f32 {
+    return max(v.x, max(v.y, v.z));
 }
 
 fn farthest(v: vec3f) -> vec3f {

@@ -18,6 +18,10 @@ on_every_backend!(
     no_vertex_inside_a_moving_box,
     a_towel_comes_back_over_the_edge_of_a_table,
     a_box_is_as_steep_as_a_plane,
+    cloth_slides_over_the_seam_of_level_boxes,
+    cloth_is_dragged_over_the_seam_of_level_boxes,
+    cloth_falls_on_the_seam_of_level_boxes,
+    cloth_slides_down_a_wall_of_boxes,
     a_turning_table_carries_the_cloth,
     a_step_of_no_time_does_nothing,
     nothing_tunnels,
@@ -200,6 +204,98 @@ fn a_box_is_as_steep_as_a_plane(backend: Backend) {
     let apart = common::rms(deformer.positions().unwrap(), other.positions().unwrap());
     let slid = deformer.positions().unwrap()[0].dot(down);
     assert!(slid > 0.1 && apart <= 1e-3 * f64::from(slid), "{apart} m apart after {slid} m");
+}
+
+/// Two sharp boxes whose tops are level, in the plane through the origin with normal `turn * Vec3::Y`, side by side along
+/// `turn * Vec3::X`. The seam is `at` m from the origin.
+fn paved(turn: Quat, at: f32, friction: f32) -> Vec<Collider> {
+    let tile = |x: f32| Collider::rounded_box(turn * Vec3::new(x, -0.5, 0.0), Vec3::new(2.0, 0.5, 3.0), turn, 0.0);
+    [at - 2.0, at + 2.0].map(|x| tile(x).with_friction(friction)).to_vec()
+}
+
+/// Cloth slides over a seam without being hooked by the side of a box, wherever its vertices start: without friction by
+/// `g sin(angle) t²/2`, with friction no less than by `g (sin(angle) - mu cos(angle)) t²/2`, because that fades along edges.
+fn cloth_slides_over_the_seam_of_level_boxes(backend: Backend) {
+    let angle = 25_f32.to_radians();
+    let turn = Quat::from_rotation_z(angle);
+    let mut mesh = Mesh::grid(9, 5, 0.4, 0.2);
+    mesh.positions.iter_mut().for_each(|x| *x = turn * *x);
+    for (at, substeps) in [(0.0, 10), (0.0, 80), (1e-5, 20), (-0.003, 20)] {
+        let slid = |friction: f32| {
+            let options = Options { backend, quality: Quality::Substeps(substeps), ..Options::default() };
+            let mut deformer = Deformer::new(&mesh, options).unwrap();
+            play(&mut deformer, 30, &Attributes { colliders: paved(turn, at, friction), ..Attributes::default() });
+            let moved = deformer.positions().unwrap().iter().zip(&mesh.positions).map(|(x, rest)| *rest - *x);
+            let (along, up) = (turn * Vec3::X, turn * Vec3::Y);
+            moved.map(|by| (by.dot(along) / 45.0, by.dot(up).abs())).fold((0.0, 0.0_f32), |a, b| (a.0 + b.0, a.1.max(b.1)))
+        };
+        let expected = |friction: f32| 0.5 * 0.25 * 9.81 * (angle.sin() - friction * angle.cos());
+        let [(free, off), (braked, off_too)] = [0.0, 0.3].map(slid);
+        println!("{backend:?} seam at {at}, S = {substeps}: {free} of {} m, {braked} of {} m", expected(0.0), expected(0.3));
+        assert!((free / expected(0.0) - 1.0).abs() <= 0.01, "seam at {at}, S = {substeps}: slid {free} m");
+        assert!(braked >= 0.99 * expected(0.3) && braked <= free, "seam at {at}, S = {substeps}: slid {braked} m with friction");
+        assert!(off.max(off_too) <= 1e-5, "seam at {at}, S = {substeps}: {off} and {off_too} m off the boxes");
+    }
+}
+
+/// A sheet that is dragged over a seam by one of its borders stays flat, and is stretched as on a single box, by the pull at
+/// the start. With hooks it was stretched by several percent and thrown up by centimeters.
+fn cloth_is_dragged_over_the_seam_of_level_boxes(backend: Backend) {
+    let n = 13;
+    let mesh = Mesh::grid(n, n, 0.48, 0.48);
+    let pinned: Vec<u32> = (0..n).map(|row| row * n + n - 1).collect();
+    let start: Vec<Vec3> = pinned.iter().map(|&vertex| mesh.positions[vertex as usize]).collect();
+    // In one case the seam is under a column of vertices.
+    for (at, substeps) in [(0.2613, 12), (0.24, 12), (0.2613, 60)] {
+        let drag = |colliders: &[Collider]| {
+            let quality = Quality::Substeps(substeps);
+            let options = Options { backend, quality, fabric: Fabric::COTTON, pinned: pinned.clone(), ..Options::default() };
+            let mut deformer = Deformer::new(&mesh, options).unwrap();
+            (1..=120).fold([0.0_f32; 2], |[stretched, high], frame| {
+                let by = Vec3::X * (0.1 * FRAME * frame as f32);
+                let pin_targets = Some(start.iter().map(|x| *x + by).collect());
+                let attributes = Attributes { colliders: colliders.to_vec(), pin_targets, ..Attributes::default() };
+                deformer.step(FRAME, &attributes).unwrap();
+                let top = deformer.positions().unwrap().iter().map(|x| x.y.abs()).fold(high, f32::max);
+                [stretched.max(deformer.measure().unwrap().max_strain), top]
+            })
+        };
+        let floor = Collider::rounded_box(Vec3::NEG_Y, Vec3::new(4.0, 1.0, 3.0), Quat::IDENTITY, 0.0).with_friction(0.2);
+        let ([one, _], [two, high]) = (drag(&[floor]), drag(&paved(Quat::IDENTITY, at, 0.2)));
+        println!("{backend:?} seam at {at}, S = {substeps}: stretched by {two}, on one box by {one}, {high} m high");
+        assert!(two <= 1.3 * one + 1e-3, "seam at {at}, S = {substeps}: stretched by {two}, on one box by {one}");
+        assert!(high <= 1e-5, "seam at {at}, S = {substeps}: thrown up by {high} m");
+    }
+}
+
+/// A column of vertices that falls exactly on a seam lands on it.
+fn cloth_falls_on_the_seam_of_level_boxes(backend: Backend) {
+    let mut mesh = Mesh::grid(5, 5, 0.2, 0.2);
+    mesh.positions.iter_mut().for_each(|x| x.y = 0.05);
+    let options = Options { backend, quality: Quality::Substeps(10), ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    play(&mut deformer, 30, &Attributes { colliders: paved(Quat::IDENTITY, 0.0, 0.3), ..Attributes::default() });
+    let off = deformer.positions().unwrap().iter().map(|x| x.y.abs()).fold(0.0, f32::max);
+    assert!(off <= 1e-6, "{off} m off the boxes");
+}
+
+/// A sheet that is pressed lightly on a wall of boxes slides down across their seam by `(g - mu a) t²/2`, with the acceleration
+/// `a` by which it is pressed, or a little more, and is not caught by the top of the lower box.
+fn cloth_slides_down_a_wall_of_boxes(backend: Backend) {
+    let mut mesh = Mesh::grid(5, 5, 0.2, 0.2);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(0.0, x.x, x.z));
+    let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let turn = Quat::from_rotation_z(-std::f32::consts::FRAC_PI_2);
+    let colliders = paved(turn, 0.2131, 0.3);
+    play(&mut deformer, 30, &Attributes { gravity: Vec3::new(-0.5, -9.81, 0.0), colliders, ..Attributes::default() });
+    let fell = deformer.positions().unwrap().iter().map(|x| -x.y).sum::<f32>() / 25.0;
+    let off = deformer.positions().unwrap().iter().map(|x| x.x.abs()).fold(0.0, f32::max);
+    let [least, most] = [9.81 - 0.3 * 0.5, 9.81].map(|a| 0.5 * 0.25 * a);
+    assert!(
+        fell > 0.99 * least && fell < 1.01 * most && off <= 1e-5,
+        "fell by {fell} m, {least} to {most} expected; {off} m off"
+    );
 }
 
 /// A table that rotates ever faster about an upright axis beside its center, and tilts, carries the cloth lying on it:

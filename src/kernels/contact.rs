@@ -11,7 +11,7 @@ use super::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
 
 pub(crate) mod near;
-mod rounded_box;
+pub(crate) mod rounded_box;
 
 /// A collider during one step, in local coordinates.
 #[repr(C)]

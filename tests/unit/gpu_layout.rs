@@ -16,7 +16,7 @@ use crate::gpu::stage::{Batch, WORKGROUP};
 use crate::gpu::tiles::NO_EDGE;
 use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES, NONE};
 use crate::kernels::bending::{BendEntry, BendPass, BendRow};
-use crate::kernels::contact::Body;
+use crate::kernels::contact::{Body, rounded_box};
 use crate::kernels::distance::Edge;
 use crate::kernels::follow::BoundVertex;
 use crate::kernels::integrate::Pin;
@@ -137,6 +137,11 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("SWEPT", Literal::F32(crate::kernels::contact::SWEPT)),
         ("SWEEP_STEPS", Literal::U32(crate::kernels::contact::SWEEP_STEPS)),
         ("TOUCHING", Literal::F32(crate::kernels::contact::TOUCHING)),
+        ("ROUNDING", Literal::F32(rounded_box::ROUNDING)),
+        ("PRESSED", Literal::F32(rounded_box::PRESSED)),
+        ("WAS_OUTSIDE", Literal::F32(rounded_box::WAS_OUTSIDE)),
+        ("SLID", Literal::F32(rounded_box::SLID)),
+        ("CARRIES", Literal::F32(rounded_box::CARRIES)),
         ("BOX", Literal::U32(crate::kernels::contact::BOX)),
         ("PLANE", Literal::U32(crate::kernels::contact::PLANE)),
         ("MAX_POSITION", Literal::F32(MAX_POSITION)),
@@ -225,6 +230,8 @@ fn shared_structs_agree_member_for_member() {
                 "Touch",
                 "Gap",
                 "ContactPoint",
+                "BoxEnd",
+                "Entry",
                 "Moment",
                 "Ring",
                 "Spin",

@@ -1,11 +1,20 @@
 //! Collision of vertices with a rounded box that moves and rotates; in `shaders/contact.wgsl` with the other shapes.
 
-use glam::{Vec3A, Vec4, Vec4Swizzles};
+use glam::{Quat, Vec3A, Vec4, Vec4Swizzles};
 
 use super::{Body, ContactPoint, Gap, SWEPT, Solid, TOUCHING, splat, swept};
 use crate::kernels::distance::MIN_LENGTH;
 use crate::kernels::params::{Params, Substep};
 use crate::simd::{Lanes, Vector};
+
+/// A vertex lies on a face if it is within this share of the coordinates of its plane: sixteen rounding errors.
+pub(crate) const ROUNDING: f32 = 1.0 / 1_048_576.0;
+/// It is pressed on a face if it moves into it by more than this share of its way.
+pub(crate) const PRESSED: f32 = 1e-5;
+/// By how many of the ways of a vertex the rank of a face is raised (`entered`): it ended less than one of them inside.
+pub(crate) const WAS_OUTSIDE: f32 = 8.0;
+pub(crate) const SLID: f32 = 4.0;
+pub(crate) const CARRIES: f32 = 2.0;
 
 /// Computed in the frame of the box.
 ///
@@ -37,14 +46,17 @@ pub(super) fn contact_box<L: Lanes>(
     let growth = body.radius_travel * params.fraction;
     let shape = RoundedBox { core, radius };
     let before = shape.gap(y).distance;
-    let (mut n, mut after) = box_end(y, dy, core, core_step, radius);
+    let size = Vec3A::from(body.a).abs().max_element() + core.max_element() + radius;
+    let up = Vec3A::from(params.acceleration).normalize_or_zero() * -1.0;
+    let level = Level { up: Quat::from_vec4(ends).inverse() * up, rounding: ROUNDING * size };
+    let (mut n, mut after, slides) = box_end(y, dy, core, core_step, radius, &level);
     let thin = SWEPT * (core.min_element() + radius);
     let travel2 = dy.dot(dy);
     let is_fast = L::and(L::splat(-thin).lt(before), L::splat(thin * thin).lt(travel2));
     if L::any(is_fast) {
         let touch = swept(y, dy, travel2.sqrt(), is_fast, shape);
-        n = Vector::select(touch.hit, touch.n, n);
-        after = L::select(touch.hit, touch.after, after);
+        n = Vector::select(touch.hit, Vector::select(slides, n, touch.n), n);
+        after = L::select(touch.hit, L::select(slides, after, touch.after), after);
     }
     let grip = grip(y + dy, core + core_step, radius, body.slick);
     ContactPoint { n: turned(ends, n), before, after: after - L::splat(growth), step, grip }
@@ -65,11 +77,18 @@ fn grip<L: Lanes>(end: Vector<L>, core: Vec3A, radius: f32, slick: f32) -> L {
     (from_edge * L::splat(1.0 / slick.max(MIN_LENGTH))).min(L::splat(1.0))
 }
 
-/// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, and the gap computed
-/// from displacements. A point beyond one face only is nearest to that face, a point beyond several to their common
-/// edge or corner.
+/// The point of a box's surface nearest to the end of the path from `y` by `dy`: the normal there, the gap computed from
+/// displacements, and a mask of what slides on a face. A point beyond one face only is nearest to that face, a point beyond
+/// several to their common edge or corner. What ends in the core is held by the face through which it [`entered`].
 #[inline(always)]
-fn box_end<L: Lanes>(y: Vector<L>, dy: Vector<L>, core: Vec3A, core_step: Vec3A, radius: f32) -> (Vector<L>, L) {
+fn box_end<L: Lanes>(
+    y: Vector<L>,
+    dy: Vector<L>,
+    core: Vec3A,
+    core_step: Vec3A,
+    radius: f32,
+    level: &Level,
+) -> (Vector<L>, L, L::Mask) {
     let end = y + dy;
     let side = toward(end);
     let beyond = end.abs() - splat(core + core_step);
@@ -79,11 +98,69 @@ fn box_end<L: Lanes>(y: Vector<L>, dy: Vector<L>, core: Vec3A, core_step: Vec3A,
     let d = d0 + dd;
     let (start, length) = (d0.length(), d.length());
     let grown = d0.dot(dd).mul_add(L::splat(2.0), dd.dot(dd)) / (start + length);
-    let axis = farthest(beyond);
+    let is_inside = (outside.x + outside.y + outside.z).lt(L::splat(1.0));
+    let (mut axis, mut slides) = (farthest(beyond), is_inside);
+    if L::any(is_inside) {
+        let start = side.times(y) - splat(core + radius);
+        let (through, is_along) = entered(start, side.times(dy) - splat(core_step), beyond, side, level);
+        axis = Vector::select(is_inside, through, axis);
+        slides = L::and(is_inside, is_along);
+    }
     let n = side.times(axis);
     let at_face = (n.dot(y) - axis.dot(splat(core))) - L::splat(radius) + n.dot(dy) - axis.dot(splat(core_step));
     let is_edge = is_edge(outside, length);
-    (Vector::select(is_edge, d.over(length), n), L::select(is_edge, start - L::splat(radius) + grown, at_face))
+    (Vector::select(is_edge, d.over(length), n), L::select(is_edge, start - L::splat(radius) + grown, at_face), slides)
+}
+
+/// What tells a face on which cloth lies from one that another box hides.
+struct Level {
+    /// The direction opposite to gravity, in the frame of the box; 0 without gravity.
+    up: Vec3A,
+    /// A vertex so far (m) inside a face's plane may lie on it.
+    rounding: f32,
+}
+
+/// The axis of the face that holds points which end in the core, and a mask of those that slid along it. `start` is by how
+/// much (m) they began beyond each face's plane, `away` by how much they moved away from the core, `beyond` the gap at the end.
+///
+/// The nearest face is the wrong one beside the hidden face between two boxes whose tops are level: a vertex that has sunk by
+/// `g h²`, and is across the seam by less, would be pushed back. So only faces count whose planes the vertex was not inside of.
+/// Of these a face along which it slid, pressed on it, goes before those that it passed on the way; then the one that carries
+/// against gravity, since level seams are found in floors; then the nearest one. What began inside is nearest to its face. So is
+/// cloth that is pulled back over an edge: its tension cuts through the corner, and takes it toward the face from below.
+#[inline(always)]
+fn entered<L: Lanes>(
+    start: Vector<L>,
+    away: Vector<L>,
+    beyond: Vector<L>,
+    side: Vector<L>,
+    level: &Level,
+) -> (Vector<L>, L::Mask) {
+    let (zero, rounding) = (L::splat(0.0), L::splat(level.rounding));
+    let way = away.length();
+    let pressed = way * L::splat(-PRESSED);
+    let (nearest, up) = (farthest(beyond), side.times(splat(level.up)));
+    let ranks = Vector::new(
+        rank(start.x, away.x, beyond.x, up.x, nearest.x, way, rounding),
+        rank(start.y, away.y, beyond.y, up.y, nearest.y, way, rounding),
+        rank(start.z, away.z, beyond.z, up.z, nearest.z, way, rounding),
+    );
+    let axis = farthest(ranks);
+    let (start, away) = (axis.dot(start), axis.dot(away));
+    let lies = L::and((zero - rounding).lt(start), start.lt(rounding));
+    (axis, L::and(lies, away.lt(pressed)))
+}
+
+/// The rank of a face among those of a box (`entered`).
+#[inline(always)]
+fn rank<L: Lanes>(start: L, away: L, beyond: L, up: L, nearest: L, way: L, rounding: L) -> L {
+    let zero = L::splat(0.0);
+    let was_outside = (zero - rounding).lt(start);
+    let slid = L::and(was_outside, L::and(start.lt(rounding), away.lt(way * L::splat(-PRESSED))));
+    let leaves = L::and(zero.lt(nearest), zero.lt(away));
+    let rank = up.mul_add(L::splat(CARRIES), L::splat(WAS_OUTSIDE));
+    let rank = L::select(L::or(slid, leaves), rank + L::splat(SLID), rank);
+    L::select(L::or(was_outside, leaves), rank.mul_add(way + rounding, beyond), beyond)
 }
 
 /// A box at rest: the half extents (m) of its core, and the radius of its edges.
