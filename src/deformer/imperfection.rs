@@ -96,8 +96,8 @@ impl Deformer {
     pub(super) fn may_be_crushed(&self, attributes: &Attributes) -> bool {
         let Attributes { colliders, pin_targets, gravity, .. } = attributes;
         let is_level = |collider: &Collider| matches!(collider.shape, Shape::Plane { .. } | Shape::RoundedBox { .. });
-        let has_moved = |(now, last): (&Collider, &Collider)| !matches!(now.shape, Shape::Mesh { .. }) && now != last;
-        let is_led = || pin_targets.is_some() || colliders.iter().zip(&self.state.motion.colliders).any(has_moved);
+        let has_moved = |(now, last): (&Collider, &Collider)| !matches!(now.shape, Shape::Mesh { .. }) && now.shape != last.shape;
+        let is_led = || pin_targets.is_some() || self.state.motion.followed(colliders).any(has_moved);
         (*gravity == Vec3::ZERO || colliders.iter().any(is_level)) && is_led()
     }
 
