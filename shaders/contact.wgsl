@@ -185,6 +185,7 @@ fn box_end(y: vec3f, dy: vec3f, core: vec3f, core_step: vec3f, radius: f32, up: 
     return BoxEnd(Touch(true, n, after), entry.slid);
 }
 
+// The face that holds a point which ends in the core: see src/kernels/contact/rounded_box.rs.
 fn entered(start: vec3f, away: vec3f, beyond: vec3f, up: vec3f, rounding: f32) -> Entry {
     let way = length(away);
     let was_outside = start > vec3f(-rounding);
