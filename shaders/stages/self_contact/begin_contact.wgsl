@@ -14,7 +14,7 @@ var<workgroup> samples: array<vec3f, SAMPLES>;
 // Number of vertices from which the common deviation is estimated.
 const SAMPLES: u32 = 32u;
 // Number of substeps for which a vertex should stay close to its path.
-const LASTS: f32 = 20.0;
+const LASTS: f32 = 12.0;
 // Range of the number of substeps that detection looks ahead, and the factor by which it grows.
 const MIN_AHEAD: f32 = 6.0;
 const MAX_AHEAD: f32 = 64.0;

@@ -13,7 +13,7 @@ use crate::record::recorded;
 use crate::simd::{self, Loop, Registers, Width};
 
 /// Number of substeps for which a vertex should stay close to its path, extrapolated from how far it strayed before.
-pub(crate) const LASTS: f32 = 20.0;
+pub(crate) const LASTS: f32 = 12.0;
 /// Least share of the last margin that a new margin keeps.
 pub(crate) const MARGIN_DECAY: f32 = 0.8;
 /// Range of the number of substeps that detection looks ahead.
