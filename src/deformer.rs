@@ -31,7 +31,7 @@ use web_time::Instant;
 
 use crate::attributes::Attributes;
 use crate::backend::Engine;
-use crate::deformer::imperfection::FlatStart;
+use crate::deformer::imperfection::{FlatStart, Looks};
 use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
 use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
@@ -75,6 +75,7 @@ struct StepDecision {
     bounds: Bounds,
     /// Whether the step computes statistics.
     is_observed: bool,
+    looks: Looks,
 }
 
 /// What the next step depends on, besides what the engine has of the motion.
@@ -89,6 +90,7 @@ struct State {
     /// Time that substeps take, for [`Quality::Budget`].
     pace: Pace,
     still: Stillness,
+    looks: Looks,
     /// What the motion is checked against, and the bounds of the last step.
     watch: Watch,
     bounds: Bounds,
@@ -175,7 +177,8 @@ impl Deformer {
     /// Before the first step from a state that was placed, exactly flat parts of the cloth are moved out of their plane by
     /// up to a millionth of their size if gravity acts along it: otherwise they could not fold, and pins that close
     /// on each other would crush them in their plane. Likewise cloth that lies flat on a plane or a box, or floats without gravity, and
-    /// is pushed together by pins or colliders gets a kick of some thousandths of an edge out of its plane, from which it wrinkles.
+    /// is pushed together by pins or colliders gets a kick of some thousandths of an edge out of its plane, from which it wrinkles. On a GPU
+    /// that takes statistics, which [`Quality::Substeps`] does without unless [`Options::sleep`] needs them.
     ///
     /// On the CPU the threads of the current rayon pool share the work, and a thread that waits for another may run any
     /// other task of that pool in the meantime, as always in rayon. Do not hold a lock across a step that another task
@@ -298,6 +301,7 @@ impl Deformer {
             fastest,
             bounds,
             is_observed,
+            looks: Looks::default(),
         })
     }
 
@@ -324,9 +328,9 @@ impl Deformer {
         if self.sleeps(attributes) {
             return check_time_step(dt).map(|()| None);
         }
-        let decision = self.decide(dt, attributes)?;
+        let mut decision = self.decide(dt, attributes)?;
         self.make_imperfect(attributes.gravity);
-        self.let_buckle(attributes)?;
+        decision.looks = self.let_buckle(attributes)?;
         let (length, levels) = (decision.division.length, decision.levels as usize);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
@@ -373,7 +377,7 @@ impl Deformer {
             }
             error
         })?;
-        (self.flat_start, self.before_kick) = (None, None);
+        (self.flat_start, self.before_kick, self.state.looks) = (None, None, decision.looks);
         let &StepDecision { dt, substep_rate, division: Division { substeps, .. }, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();

@@ -61,14 +61,14 @@ impl Deformer {
     }
 
     /// Whether a step under these attributes needs statistics. Those of contact with meshes tell whether they come near the cloth,
-    /// and those of cloth that is free to fly whether it outruns contact.
+    /// and those of cloth that is free to fly whether it outruns contact. On a CPU they cost little, and also tell whether it is crushed.
     pub(super) fn is_observed(&self, attributes: &Attributes) -> bool {
         let flies_at_them = self.options.contact.is_some() && !self.cloth.has_pins() && !attributes.colliders.is_empty();
         self.strain_bound().is_some()
             || self.options.sleep.is_some()
             || flies_at_them
             || mesh_colliders(attributes).next().is_some()
-            || self.may_be_crushed(attributes)
+            || self.may_be_crushed(attributes) && self.backend() != Backend::Gpu
     }
 
     /// The controller that chooses the substeps of a step of `dt` (s).

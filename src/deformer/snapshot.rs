@@ -108,8 +108,8 @@ struct Content {
 }
 
 recorded!(Content { identity, lanes, x, p, engine, state });
-recorded!(State { motion, controller, awaiting_statistics, seen, pace, still, watch, bounds, gravity });
-recorded!(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels } but { fastest, bounds, is_observed });
+recorded!(State { motion, controller, awaiting_statistics, seen, pace, still, looks, watch, bounds, gravity });
+recorded!(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels } but { fastest, bounds, is_observed, looks });
 
 impl Deformer {
     /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that
