@@ -3,8 +3,10 @@
 
 #[cfg(feature = "bench")]
 mod bench;
+mod buckling;
 mod change;
 mod contact;
+mod decision;
 mod errors;
 mod forecast;
 mod imperfection;
@@ -31,18 +33,18 @@ use web_time::Instant;
 
 use crate::attributes::Attributes;
 use crate::backend::Engine;
-use crate::deformer::imperfection::{FlatStart, Looks};
+use crate::deformer::buckling::Looks;
+use crate::deformer::decision::{StepDecision, check_time_step};
+use crate::deformer::imperfection::FlatStart;
 use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
-use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
-use crate::options::{Backend, Method, Options, Quality, StepReport};
+use crate::options::{Backend, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
-use crate::step::controller::{Controller, FEWEST_SUBSTEPS};
-use crate::step::load::{Fastest, Load};
+use crate::step::controller::Controller;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
@@ -52,31 +54,6 @@ use crate::step::watch::{Bounds, Watch};
 /// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
 /// not halve their time.
 const SMALL: usize = 4096;
-
-/// Everything that is decided about a step before it is taken.
-#[derive(Debug, Clone, Copy, Default)]
-struct StepDecision {
-    /// Length of the step (s).
-    dt: f32,
-    load: Load,
-    /// The controller as it was when it chose the substeps.
-    controller: Controller,
-    /// Substeps per second that the quality asks for.
-    substep_rate: f64,
-    division: Division,
-    /// Number of coarse levels to ask for.
-    levels: u32,
-    /// Whether triangles can touch.
-    has_contact: bool,
-    /// Whether there are more substeps instead of levels. The caution depends on both.
-    trades_levels: bool,
-    /// What moves fastest in the step, and the bounds that its result is checked with.
-    fastest: Fastest,
-    bounds: Bounds,
-    /// Whether the step computes statistics.
-    is_observed: bool,
-    looks: Looks,
-}
 
 /// What the next step depends on, besides what the engine has of the motion.
 #[derive(Debug, Clone, Default)]
@@ -258,66 +235,6 @@ impl Deformer {
         .collect()
     }
 
-    /// Checks the attributes of a step. Returns the contact thickness (m), if triangles can touch.
-    fn check(&self, attributes: &Attributes) -> Result<Option<f64>, StepError> {
-        attributes.validate(self.cloth.pinned.len())?;
-        self.state.motion.check(&attributes.colliders)?;
-        let thickness = self.contact_thickness(attributes)?;
-        thickness.map_or(Ok(()), |thickness| self.check_contact(attributes, thickness))?;
-        Ok(thickness)
-    }
-
-    /// Checks the arguments of a step and decides how it is taken.
-    fn decide(&self, dt: f32, attributes: &Attributes) -> Result<StepDecision, StepError> {
-        check_time_step(dt)?;
-        let thickness = self.check(attributes)?;
-        let seen = self.state.seen.as_ref();
-        let fastest = Fastest::of(&self.cloth, &self.state.motion, attributes, f64::from(dt), seen, self.late());
-        let load = Load::of(&self.cloth, &self.state.motion, attributes, dt, seen, &fastest, thickness);
-        let has_contact = thickness.is_some();
-        let trades_levels = !has_contact && self.trades_levels(load.lasting_pressure);
-        let controller = self.controlled(dt, &load, self.caution(has_contact, trades_levels), has_contact);
-        let substep_rate = self.substep_rate(dt, &controller, thickness, &load);
-        // The first substeps of a budget are a guess.
-        let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.state.pace.is_known();
-        let controller = if is_guess { controller } else { controller.after(substep_rate) };
-        let division = self.rates.divide(&self.cloth, &self.options, dt, [substep_rate, controller.longest()])?;
-        let before = self.state.controller.levels();
-        let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.lasting_pressure, before);
-        let controller = controller.with_levels(levels);
-        let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
-        let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
-        let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
-        let is_observed = self.is_observed(attributes);
-        Ok(StepDecision {
-            dt,
-            load,
-            controller,
-            substep_rate,
-            division,
-            levels,
-            has_contact,
-            trades_levels,
-            fastest,
-            bounds,
-            is_observed,
-            looks: Looks::default(),
-        })
-    }
-
-    /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.
-    fn substep_rate(&self, dt: f32, controller: &Controller, thickness: Option<f64>, load: &Load) -> f64 {
-        let asked = self.rates.substep_rate(&self.options, controller.count());
-        let substep_rate =
-            thickness.map_or(asked, |thickness| asked.max(self.resolving_contact(thickness, load.kinematic_speed)));
-        if matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps {
-            return substep_rate;
-        }
-        // A number that was chosen here is no reason to fail, unless the step is too long for even the least.
-        // It is a whole number of substeps in 1/60 s, as the report gives it.
-        substep_rate.min(SIXTIETHS * (f64::from(MAX_SUBSTEPS) / f64::from(dt) / SIXTIETHS).floor().max(FEWEST_SUBSTEPS))
-    }
-
     /// Checks a step and updates the coefficients. Returns `None` if there is nothing to do.
     fn prepare(&mut self, dt: f32, attributes: &Attributes) -> Result<Option<StepDecision>, StepError> {
         self.check_late_failure()?;
@@ -460,10 +377,6 @@ impl Deformer {
     pub fn vertex_order(&self) -> &[u32] {
         &self.cloth.order
     }
-}
-
-fn check_time_step(dt: f32) -> Result<(), StepError> {
-    if dt >= MIN_TIME_STEP && dt.is_finite() { Ok(()) } else { Err(StepError::TimeStep { dt }) }
 }
 
 /// The report of a step of `dt` (s) in which nothing is done, because the cloth sleeps or `dt` is 0.

@@ -4,7 +4,8 @@ use std::fmt;
 
 use glam::Vec3;
 
-use super::{Deformer, StepDecision};
+use super::Deformer;
+use super::decision::StepDecision;
 use crate::attributes::{Attributes, Collider, Shape, invalid};
 #[cfg(feature = "gpu")]
 use crate::device::IN_BROWSER;

@@ -1,6 +1,7 @@
 //! Prediction of a step before it is taken, and its warnings.
 
-use super::{Deformer, StepDecision};
+use super::Deformer;
+use super::decision::StepDecision;
 use crate::attributes::Attributes;
 use crate::error::StepError;
 use crate::model::links::Slivers;

@@ -2,8 +2,9 @@
 
 use glam::Vec3;
 
+use super::Deformer;
 use super::contact::mesh_colliders;
-use super::{Deformer, StepDecision};
+use super::decision::StepDecision;
 use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;

@@ -2,7 +2,8 @@
 
 use glam::{Vec3, Vec4};
 
-use super::{Deformer, State, StepDecision};
+use super::decision::StepDecision;
+use super::{Deformer, State};
 use crate::deformer::imperfection::FlatStart;
 use crate::error::{StateError, StepError};
 use crate::kernels::limits::is_bounded;
