@@ -142,8 +142,7 @@ fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint
     let thin = SWEPT * (min(core.x, min(core.y, core.z)) + radius);
     let travel2 = dot(dy, dy);
     let size = max_element(abs(body.a)) + max_element(core) + radius;
-    let up = turned_back(ends, params.acceleration * (-1.0 / max(length(params.acceleration), 1e-30)));
-    let end = box_end(y, dy, core, core_step, radius, up, ROUNDING * size);
+    let end = box_end(y, dy, core, core_step, radius, turned_back(ends, params.up), ROUNDING * size);
     var touch = end.touch;
     if before > -thin && travel2 > thin * thin {
         let on_the_way = swept_box(y, dy, core, radius, sqrt(travel2));

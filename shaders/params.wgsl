@@ -28,6 +28,8 @@ struct Params {
     load: f32,
     checks: u32,
     used: u32,
+    up: vec3f,
+    padding: u32,
 }
 
 struct Substep {

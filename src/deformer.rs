@@ -34,7 +34,7 @@ use web_time::Instant;
 use crate::attributes::Attributes;
 use crate::backend::Engine;
 use crate::deformer::buckling::Looks;
-use crate::deformer::decision::{StepDecision, check_time_step};
+use crate::deformer::decision::{Expectation, StepDecision, check_time_step};
 use crate::deformer::imperfection::FlatStart;
 use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
@@ -48,7 +48,7 @@ use crate::step::controller::Controller;
 use crate::step::motion::Motion;
 use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
-use crate::step::substep_count::{Division, Rates, SIXTIETHS};
+use crate::step::substep_count::{Rates, SIXTIETHS};
 use crate::step::watch::{Bounds, Watch};
 
 /// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
@@ -61,7 +61,7 @@ struct State {
     motion: Motion,
     /// What chooses the substeps, and the steps whose statistics have not arrived yet.
     controller: Controller,
-    awaiting_statistics: VecDeque<StepDecision>,
+    awaiting_statistics: VecDeque<Expectation>,
     /// The latest statistics.
     seen: Option<Statistics>,
     /// Time that substeps take, for [`Quality::Budget`].
@@ -178,13 +178,13 @@ impl Deformer {
         let length = self.coefficients.as_ref().map(|last| last.length);
         let Some(decision) = self.prepare(dt, attributes)? else { return Ok(idle(dt)) };
         // Only a budget needs a clock, which not every machine has.
-        let counts = self.state.pace.begin(dt, length.is_some_and(|length| length != decision.division.length));
+        let counts = self.state.pace.begin(dt, length.is_some_and(|length| length != decision.expected.length));
         let is_timed = counts && !alone && matches!(self.options.quality, Quality::Budget(_));
         let start = is_timed.then(Instant::now);
         let (engine, plan) = self.plan(&decision, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
         if let (Some(start), Ok(_)) = (start, &stepped) {
-            self.state.pace.note(start.elapsed().as_secs_f64(), decision.division.substeps);
+            self.state.pace.note(start.elapsed().as_secs_f64(), decision.substeps);
         }
         self.finish(stepped, &decision, attributes)
     }
@@ -248,7 +248,7 @@ impl Deformer {
         let mut decision = self.decide(dt, attributes)?;
         self.make_imperfect(attributes.gravity);
         decision.looks = self.let_buckle(attributes)?;
-        let (length, levels) = (decision.division.length, decision.levels as usize);
+        let (length, levels) = (decision.expected.length, decision.levels as usize);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
             self.coefficients = Some(Coefficients::new(&self.cloth, self.hierarchy.finest(levels), &self.options, length));
@@ -266,10 +266,10 @@ impl Deformer {
             options: &self.options,
             coefficients,
             motion: &self.state.motion,
-            substeps: decision.division.substeps,
+            substeps: decision.substeps,
             attributes,
         };
-        let plan = Plan { place: decision.fastest.place, ..Plan::new(&inputs, &mut self.buffers) };
+        let plan = Plan { whereabouts: decision.fastest.whereabouts, ..Plan::new(&inputs, &mut self.buffers) };
         let mut plan = if decision.is_observed { plan.observed() } else { plan };
         self.state.watch.limit(&mut plan.params, decision.bounds);
         (&mut self.engine, plan)
@@ -295,12 +295,12 @@ impl Deformer {
             error
         })?;
         (self.flat_start, self.before_kick, self.state.looks) = (None, None, decision.looks);
-        let &StepDecision { dt, substep_rate, division: Division { substeps, .. }, fastest, .. } = decision;
+        let &StepDecision { expected: Expectation { dt, length, .. }, substep_rate, substeps, fastest, .. } = decision;
         let used = self.coefficients.as_ref().map(|used| (used.levels.len() as u32, used.bending.limited));
         let (levels, limited) = used.unwrap_or_default();
         self.state.watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let motion = &mut self.state.motion;
-        (motion.dt, motion.h, motion.placed) = (dt, dt / substeps as f32, None);
+        (motion.dt, motion.h, motion.placed) = (dt, length.h, None);
         motion.colliders.clone_from(&attributes.colliders);
         motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.state.gravity = attributes.gravity;

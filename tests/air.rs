@@ -273,6 +273,32 @@ fn a_flag_streams_downwind() {
     assert!(calm.y < -0.1 && calm.x.hypot(calm.z) < 0.2, "hangs: {calm}");
 }
 
+/// Linear drag in wind loads cloth that is held like gravity does, so a step needs as many substeps, and tethers give way as far.
+/// Without air, wind is nothing.
+#[test]
+fn linear_drag_is_a_load_like_gravity() {
+    let mesh = Mesh::grid(21, 21, 1.0, 1.0);
+    let options = Options { backend: Backend::Cpu, pinned: (0..21).collect(), ..Options::default() };
+    let mut cloths = [(); 2].map(|()| Deformer::new(&mesh, options.clone()).unwrap());
+    let heavy = Attributes { gravity: Vec3::Y * -400.0, ..Attributes::default() };
+    let windy = Attributes { gravity: Vec3::ZERO, damping: 20.0, wind: Vec3::Y * -20.0, ..Attributes::default() };
+    let still = Attributes { wind: Vec3::Y * -1e6, ..Attributes::default() };
+    let forecast = |attributes: &Attributes| cloths[0].forecast(FRAME, attributes).unwrap();
+    let light = forecast(&Attributes::default());
+    assert_eq!(forecast(&still), light);
+    assert_eq!(forecast(&windy), forecast(&heavy));
+    assert!(forecast(&windy).substeps > 2 * light.substeps, "{} and {}", forecast(&windy).substeps, light.substeps);
+    let mut most = [0.0_f32; 2];
+    for _ in 0..30 {
+        for ((cloth, attributes), most) in cloths.iter_mut().zip([&windy, &heavy]).zip(&mut most) {
+            let stretch = cloth.step(FRAME, attributes).unwrap().stretch.unwrap();
+            *most = most.max(stretch.share);
+        }
+    }
+    println!("stretched by {most:?}");
+    assert!(most[0] <= 1.1 * most[1], "stretched by {most:?}");
+}
+
 on_every_backend!(
     linear_drag_is_exponential,
     a_falling_panel_reaches_terminal_velocity,

@@ -5,7 +5,7 @@
 // Whether the table has bending and wind, where they start in it, and the number of panels.
 override BENDS: bool = false;
 override BENDING: u32 = 0u;
-override BLOWS: bool = false;
+override AIR: bool = false;
 override WIND: u32 = 0u;
 override PANELS: u32 = 0u;
 
@@ -98,7 +98,7 @@ fn bends() -> bool {
 }
 
 fn blows() -> bool {
-    return BLOWS && params.half_density > 0.0;
+    return AIR && params.half_density > 0.0;
 }
 
 // The part of the forces that reads neighbors; displacements are still those of the last substep.

@@ -48,9 +48,12 @@ impl Attributes {
 
 impl Collider {
     fn validate(&self, index: usize) -> Result<(), StepError> {
-        let above_0 = |name: &str, radius: f32| match radius > 0.0 && radius <= MAX_POSITION {
-            true => Ok(()),
-            false => Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be above 0 m and at most 1e15 m")),
+        let above_0 = |name: &str, radius: f32| {
+            if radius > 0.0 && radius <= MAX_POSITION {
+                Ok(())
+            } else {
+                Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be above 0 m and at most 1e15 m"))
+            }
         };
         let positive = |radius: f32| above_0("radius", radius);
         not_negative(format_args!("colliders[{index}].friction"), self.friction)?;

@@ -54,7 +54,7 @@ impl Bodies {
 
     /// Whether a step can go on with these meshes: they have the same triangles, and in the first step after the state was
     /// set they are also where the triangles were numbered, so that nothing depends on what was before.
-    pub(crate) fn are<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
+    pub(crate) fn are_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
         if self.last.is_empty() {
             return self.are_numbered_for(meshes);
         }
@@ -142,10 +142,7 @@ impl Bodies {
             let [low, high] = range.unwrap_or([by; 2]);
             Some([low.min(by), high.max(by)])
         });
-        let middle = |[low, high]: [Vec3A; 2]| match low.distance(high) < thickness {
-            true => (low + high) * 0.5,
-            false => Vec3A::ZERO,
-        };
+        let middle = |[low, high]: [Vec3A; 2]| if low.distance(high) < thickness { (low + high) * 0.5 } else { Vec3A::ZERO };
         let range = range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2]));
         self.turn.then(turning).flatten().or_else(|| range.map(middle).map(CommonMotion::of))
     }

@@ -6,7 +6,7 @@ use glam::{Vec3A, Vec4};
 use super::TriangleContact;
 use super::crossings::known::{KnownCrossings, Posed};
 use super::detection::DetectionInput;
-use super::detection::paths::Paths;
+use super::detection::paths::{Last, Paths};
 use super::detection::tree::DetectionScope;
 use super::input::Path;
 use super::surface::Surface;
@@ -68,9 +68,12 @@ impl TriangleContact {
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         // A short list may become longer: margins are as large as the surface allows. A list is long if it has several times as
         // many pairs as a substep works on, which are the vertices' and the near ones.
-        let is_short = 4 * listed < path.x.len();
-        let is_long = listed > 4 * (path.x.len() + self.tally.near as usize);
-        paths.adapt(path, is_short, is_long, surface, MIN_MARGIN * surface.thickness, floats);
+        let last = Last {
+            is_short: 4 * listed < path.x.len(),
+            is_long: listed > 4 * (path.x.len() + self.tally.near as usize),
+            crosses: !self.crossings.pairs.is_empty(),
+        };
+        paths.adapt(path, last, surface, MIN_MARGIN * surface.thickness, floats);
         if bodies.are_still {
             paths.margin[bodies.first..].fill(0.0);
         }

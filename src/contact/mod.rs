@@ -90,9 +90,9 @@ use vertices::Pushes;
 pub(crate) use workers::Workers;
 
 /// Least number of vertices that are worth a part of a loop, and how many vertices and listed pairs are worth a thread.
-const GRAIN: usize = 64;
-const VERTICES: usize = 128;
-const PAIRS: usize = 1024;
+const VERTICES_OF_PART: usize = 64;
+const VERTICES_OF_THREAD: usize = 128;
+const PAIRS_OF_THREAD: usize = 1024;
 
 /// Counts for the report of a step.
 #[derive(Debug, Clone, Copy, Default)]
@@ -170,12 +170,12 @@ impl TriangleContact {
     }
 
     /// Whether a step can go on with these bodies.
-    pub(crate) fn is_of<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
-        self.bodies.are(meshes)
+    pub(crate) fn fits_meshes<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
+        self.bodies.are_of(meshes)
     }
 
     /// Whether it can go on from a saved state.
-    pub(crate) fn may_have(&self, past: &ContactPast) -> bool {
+    pub(crate) fn fits_past(&self, past: &ContactPast) -> bool {
         self.bodies.are_numbered_for(past.numbered.iter())
     }
 
@@ -246,11 +246,7 @@ impl TriangleContact {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
-        if self.tally.listed > 0 {
-            self.hold_apart(context, x, u, common_motion);
-        }
-        // Otherwise those of all vertices were added with what holds pairs apart.
-        if self.tally.near == 0 {
+        if self.tally.listed == 0 || !self.hold_apart(context, x, u, common_motion) {
             let push = self.push.of_vertices();
             x.iter_mut().zip(push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         }
@@ -270,7 +266,8 @@ impl TriangleContact {
     fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, x: &[Vec4], u: &[Vec4], floats: bool) -> bool {
         let path = Path { x, u, margin: &[], workers };
         let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
-        let moving_path = Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES), ..path };
+        let moving_path =
+            Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES_OF_THREAD), ..path };
         if !self.paths.are_followed(moving_path, floats, width) && !self.detect(path, moving, floats, width) {
             return false;
         }
@@ -279,11 +276,17 @@ impl TriangleContact {
         true
     }
 
-    /// Holds the listed pairs apart that come near. They move relative to `common_motion`; without one the cloth is free,
-    /// and they move relative to its mean motion.
-    fn hold_apart(&mut self, context: SubstepContext<'_>, x: &mut [Vec4], u: &mut [Vec4], common_motion: Option<CommonMotion>) {
+    /// Holds the listed pairs apart that come near, and pushes all vertices out of colliders. Returns false, and does neither, if none
+    /// come near. They move relative to `common_motion`; without one the cloth is free, and they move relative to its mean motion.
+    fn hold_apart(
+        &mut self,
+        context: SubstepContext<'_>,
+        x: &mut [Vec4],
+        u: &mut [Vec4],
+        common_motion: Option<CommonMotion>,
+    ) -> bool {
         let SubstepContext { plan, workers, .. } = context;
-        let workers = workers.for_items(self.tally.listed as usize, PAIRS);
+        let workers = workers.for_items(self.tally.listed as usize, PAIRS_OF_THREAD);
         let mut scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
         self.h = plan.params.h;
         let push = self.push.of_vertices();
@@ -316,7 +319,8 @@ impl TriangleContact {
             }
         };
         self.max_carry = input.max_carry;
-        if self.contacts.has_near() {
+        let are_near = self.contacts.has_near();
+        if are_near {
             // Pairs that are not listed stay apart only as long as vertices move about as detection assumed.
             let cloth = ..self.bodies.first;
             let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
@@ -327,6 +331,7 @@ impl TriangleContact {
             [self.tally.near, self.tally.contacts] = self.contacts.counts();
             self.ignore_pinched(x, u);
         }
+        are_near
     }
 
     /// Ends a step at positions `x` (m), which those of bodies reach by `u` (m): puts what belongs to its state in the lists, counts

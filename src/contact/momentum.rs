@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3A, Vec4};
 
-use super::GRAIN;
+use super::VERTICES_OF_PART;
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
@@ -34,7 +34,7 @@ pub(crate) fn returns_momentum(plan: &Plan<'_>) -> bool {
 pub(super) fn give_back(cloth: &Cloth, lost: DVec3, u: &mut [Vec4], workers: Workers<'_>) {
     let mass: f64 = free_masses(cloth).map(f64::from).sum();
     let back = (lost / mass).as_vec3().extend(0.0);
-    workers.chunks(&mut u[..cloth.rest.len()], GRAIN, |first, u| {
+    workers.chunks(&mut u[..cloth.rest.len()], VERTICES_OF_PART, |first, u| {
         u.iter_mut().zip(&cloth.rest[first..]).filter(|(_, rest)| rest.w > 0.0).for_each(|(u, _)| *u += back);
     });
 }

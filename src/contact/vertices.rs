@@ -6,7 +6,7 @@ use glam::Vec4;
 
 use super::input::{SubstepContext, Vertex};
 use super::surface::lanes::store;
-use super::{GRAIN, VERTICES};
+use super::{VERTICES_OF_PART, VERTICES_OF_THREAD};
 use crate::kernels::contact::near::NearBodies;
 use crate::kernels::contact::{contact_bodies, contact_body};
 use crate::kernels::params::Substep;
@@ -37,8 +37,8 @@ impl Pushes {
             return;
         }
         of.resize(x.len(), Vec4::ZERO);
-        let (farthest, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES));
-        let part = workers.part(cloth, GRAIN);
+        let (farthest, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES_OF_THREAD));
+        let part = workers.part(cloth, VERTICES_OF_PART);
         let state = x[..cloth].chunks(part).zip(u[..cloth].chunks_mut(part));
         workers.each(state.zip(of[..cloth].chunks_mut(part)), |((x, u), push)| {
             if was_pushed {

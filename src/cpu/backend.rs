@@ -120,10 +120,13 @@ impl Cpu {
             return false;
         }
         match &past.contact {
-            None => self.contact = None,
+            None => {
+                self.set_contact(None);
+                self.replaced = None;
+            }
             Some(past) => {
                 self.replaced = None;
-                if !self.contact.as_ref().is_some_and(|contact| contact.may_have(past)) {
+                if !self.contact.as_ref().is_some_and(|contact| contact.fits_past(past)) {
                     self.make_contact(cloth, options, past.numbered.clone());
                 }
                 if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
@@ -144,7 +147,7 @@ impl Cpu {
         let meshes = plan.meshes.iter().map(|body| &body.from);
         match &self.contact {
             Some(_) if !plan.has_contact() => self.replace_contact(None),
-            Some(contact) if contact.is_of(meshes.clone()) => {}
+            Some(contact) if contact.fits_meshes(meshes.clone()) => {}
             _ if plan.has_contact() => self.make_contact(plan.cloth, plan.contact, meshes.cloned().collect()),
             _ => {}
         }
@@ -241,7 +244,7 @@ impl Cpu {
         // A pool of one thread leaves nothing to choose, and its platform (a browser) may have no clock.
         let start = (pool > 1 && !plan.alone).then(Instant::now);
         let cause = match self.contact.take() {
-            None => self.turns(Part::First, 0..turns, plan, external, On::Pool(threads)),
+            None => self.turns(Part::Prologue, 0..turns, plan, external, On::Pool(threads)),
             Some(mut contact) => {
                 // Contact shares its loops among the whole pool, whatever number of threads pays off for the rest.
                 let team = if threads > 1 { pool } else { 1 };
@@ -268,9 +271,9 @@ impl Cpu {
         let (workers, on) = (Workers::new(team.threads(), &run), On::Team(team, threads));
         let sweeps = plan.params.sweeps.max(1);
         // Contact also handles the analytic colliders, so the move must not handle them again.
-        let moves = Plan { bodies: &[], ..*plan };
+        let moves = plan.without_bodies();
         contact.begin(plan, self.x.room(), self.p.room());
-        let mut cause = self.turns(Part::First, 0..1, plan, external, on);
+        let mut cause = self.turns(Part::Prologue, 0..1, plan, external, on);
         for (index, substep) in plan.substeps.iter().enumerate() {
             let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
             cause = cause.or(self.turns(Part::Substep, turns.clone(), plan, external, on));

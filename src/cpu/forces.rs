@@ -57,9 +57,9 @@ pub(crate) struct Forces<'a> {
 }
 
 impl ForceArrays {
-    /// Prepares the arrays for a plan's bending and wind. `tiles` are the ranges of vertices that the cloth is cut
+    /// Prepares the arrays for a plan's bending and air. `tiles` are the ranges of vertices that the cloth is cut
     /// into.
-    pub(crate) fn pack(&mut self, plan: &Plan<'_>, [bending, wind]: [bool; 2], tiles: &[Range<u32>], width: Width) {
+    pub(crate) fn pack(&mut self, plan: &Plan<'_>, bending: bool, air: bool, tiles: &[Range<u32>], width: Width) {
         let fit = |list: &mut AlignedVec, length: usize| {
             if list.len() != length {
                 *list = AlignedVec::new(length);
@@ -69,12 +69,13 @@ impl ForceArrays {
         fit(&mut self.moments, if bending { vertices } else { 0 });
         let damped = if bending && plan.damped() { vertices } else { 0 };
         fit(&mut self.couples, damped);
-        match bending && !plan.coefficients.bending.passes.is_empty() {
-            true => self.filter.fit(vertices, damped),
-            false => self.filter.fit(0, 0),
+        if bending && !plan.coefficients.bending.passes.is_empty() {
+            self.filter.fit(vertices, damped)
+        } else {
+            self.filter.fit(0, 0)
         }
-        fit(&mut self.panel_forces, if wind { plan.cloth.panels().panels.len() } else { 0 });
-        let scene = (plan.coefficients.length, bending, wind, width.lanes());
+        fit(&mut self.panel_forces, if air { plan.cloth.panels().panels.len() } else { 0 });
+        let scene = (plan.coefficients.length, bending, air, width.lanes());
         if self.packed_for == Some(scene) {
             return;
         }
@@ -84,7 +85,7 @@ impl ForceArrays {
         if bending {
             self.rings = RingBatches::new(plan.cloth, &plan.coefficients.bending.rows, plan.cloth.bending(), width.lanes());
         }
-        if wind {
+        if air {
             let panels = &plan.cloth.panels().panels;
             self.panels = PanelBatches::new(plan.cloth, panels, width.lanes());
             let corners = panels.chunks(GRAIN).map(|panels| panels.iter().flat_map(|panel| panel.corners));
@@ -166,7 +167,7 @@ impl Forces<'_> {
     }
 
     /// Adds the wind and spring forces to the displacements of a tile's vertices.
-    pub(crate) fn add_wind_and_springs(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
+    pub(crate) fn add_air_and_springs(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
         // Each force is summed and then added separately, in the order of the GPU's stages, so that fewer roundings
         // differ between the two engines.

@@ -77,9 +77,10 @@ impl Packed {
         let partition = self.partition.as_ref().expect("made with the coefficients");
         let terms = Terms {
             exchanged,
+            falls: !(exchanged || plan.has_forces()),
             bending: plan.bending && !exchanged,
             passes: if exchanged { 0 } else { coefficients.bending.passes.len() },
-            wind: plan.air && !exchanged,
+            air: plan.air && !exchanged,
             springs: plan.method == Method::Springs && !exchanged,
             pins: !plan.pins.is_empty(),
             levels,
@@ -88,7 +89,7 @@ impl Packed {
             threads,
             contact,
         };
-        self.forces.pack(plan, [terms.bending, terms.wind], &partition.tiles, self.width);
+        self.forces.pack(plan, terms.bending, terms.air, &partition.tiles, self.width);
         let is_new = self.terms != Some(terms);
         if is_new {
             self.schedules = Schedule::all(terms, partition, &self.coarse, self.forces.panel_tiles());

@@ -103,7 +103,7 @@ pub(crate) struct Schedule {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Part {
     /// What comes before the substeps, and without contact of triangles the substeps, too.
-    First,
+    Prologue,
     /// A substep up to contact of triangles, which runs outside the graphs.
     Substep,
     /// The move after it.
@@ -118,9 +118,10 @@ impl Schedule {
     pub(crate) fn all(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Vec<Schedule> {
         let schedule = |once, stages| Schedule::new(terms, once, stages, partition, coarse, panel_tiles);
         let stages = stages(terms, partition, coarse);
-        match terms.contact {
-            false => vec![schedule(prologue(terms), stages)],
-            true => [prologue(terms), stages, vec![Stage::MoveAfterContact]].map(|stages| schedule(Vec::new(), stages)).into(),
+        if terms.contact {
+            [prologue(terms), stages, vec![Stage::MoveAfterContact]].map(|stages| schedule(Vec::new(), stages)).into()
+        } else {
+            vec![schedule(prologue(terms), stages)]
         }
     }
 

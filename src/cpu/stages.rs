@@ -53,10 +53,12 @@ pub(crate) enum Stage {
 pub(crate) struct Terms {
     /// The displacements are predicted by another engine ([`Stage::Exchange`]).
     pub exchanged: bool,
+    /// Every free vertex only falls: the ambient acceleration is uniform and no other force acts.
+    pub falls: bool,
     pub bending: bool,
     /// Passes of the bending filter; 0 or 1 if there is no filter.
     pub passes: usize,
-    pub wind: bool,
+    pub air: bool,
     pub springs: bool,
     /// Some pins follow targets.
     pub pins: bool,
@@ -71,16 +73,9 @@ pub(crate) struct Terms {
     pub contact: bool,
 }
 
-impl Terms {
-    /// Whether every free vertex only falls: the ambient acceleration is uniform and no other force acts.
-    pub(super) fn falls(self) -> bool {
-        !(self.exchanged || self.bending || self.wind || self.springs)
-    }
-}
-
 /// The stages that run once, before the first substep of a step.
 pub(super) fn prologue(terms: Terms) -> Vec<Stage> {
-    if terms.falls() { vec![Stage::Remember, Stage::Predict] } else { vec![Stage::Remember] }
+    if terms.falls { vec![Stage::Remember, Stage::Predict] } else { vec![Stage::Remember] }
 }
 
 /// The stages of a substep, in order.
@@ -95,8 +90,8 @@ pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Ve
     } else {
         stages.extend(terms.bending.then_some(Stage::BendMoments));
         stages.extend((1..terms.passes).flat_map(|pass| [Stage::TrialDisplacements(pass), Stage::FilterMoments(pass)]));
-        stages.extend(terms.wind.then_some(Stage::PanelForces));
-        stages.extend((!terms.falls()).then_some(Stage::Predict));
+        stages.extend(terms.air.then_some(Stage::PanelForces));
+        stages.extend((!terms.falls).then_some(Stage::Predict));
     }
     stages.extend(terms.pins.then_some(Stage::MovePins));
     // Correct the displacements by the coarse levels, coarsest first.

@@ -52,12 +52,12 @@ pub(crate) struct Stepper<'a> {
 }
 
 impl Stepper<'_> {
-    /// Runs one task: the stages of `pass` on one part of the cloth. A turn is one sweep over the edges, of which a
+    /// Runs one task: the stages of `pass` on part number `part` of the cloth. A turn is one sweep over the edges, of which a
     /// substep has several under relaxation. Stages before the sweep run in a substep's first turn, those after it in
     /// the last.
-    pub(crate) fn work(&self, task: &Task, pass: &Pass, turn: u32, index: usize) {
+    pub(crate) fn work(&self, task: &Task, pass: &Pass, turn: u32, part: usize) {
         let sweeps = self.plan.params.sweeps.max(1);
-        let substep = (turn / sweeps) as usize;
+        let index = (turn / sweeps) as usize;
         let (begins, ends) = (turn.is_multiple_of(sweeps), turn % sweeps + 1 == sweeps);
         for &stage in pass {
             let is_due = match stage {
@@ -66,7 +66,7 @@ impl Stepper<'_> {
                 _ => begins,
             };
             if is_due {
-                self.stage(task, stage, substep, index);
+                self.stage(task, stage, index, part);
             }
         }
     }
@@ -117,8 +117,8 @@ impl Stepper<'_> {
         } else {
             self.integrator.fall(task, tile.clone(), substep);
         }
-        if self.terms.wind || self.terms.springs {
-            self.forces.add_wind_and_springs(task, tile, substep);
+        if self.terms.air || self.terms.springs {
+            self.forces.add_air_and_springs(task, tile, substep);
         }
     }
 
@@ -137,7 +137,7 @@ impl Stepper<'_> {
     fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {
         let after = match self.plan.substeps.get(index + 1) {
             None => AfterMove::Check,
-            Some(next) if self.terms.falls() => AfterMove::Fall(next),
+            Some(next) if self.terms.falls => AfterMove::Fall(next),
             Some(_) => AfterMove::Wait,
         };
         self.integrator.advance(task, vertices, &self.plan.substeps[index], after);

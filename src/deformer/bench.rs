@@ -74,7 +74,7 @@ impl Deformer {
     #[cfg(feature = "gpu")]
     pub fn exchange_in_place(&mut self, in_place: [bool; 2]) {
         if let Engine::Hybrid(hybrid) = &mut self.engine {
-            hybrid.exchange_in_place(self.cloth.rest.len(), in_place);
+            hybrid.exchange_in_place(in_place);
         }
     }
 

@@ -39,7 +39,7 @@ impl Deformer {
         let Attributes { colliders, pin_targets, gravity, .. } = attributes;
         let has_moved = |(now, last): (&Collider, &Collider)| !matches!(now.shape, Shape::Mesh { .. }) && now.shape != last.shape;
         let is_led = || pin_targets.is_some() || self.state.motion.followed(colliders).any(has_moved);
-        (*gravity == Vec3::ZERO || colliders.iter().any(is_level)) && is_led()
+        (*gravity == Vec3::ZERO || colliders.iter().any(has_flat_faces)) && is_led()
     }
 
     /// Kicks what is crushed in its plane out of it, before a step: cloth that lies on a floor, without thickness and perfectly flat, has no
@@ -93,7 +93,7 @@ impl Deformer {
         let is_short = move |gauge: &&StrainGauge| is_crushed(at(gauge.ends[0]).distance(at(gauge.ends[1])), gauge.inverse_rest);
         let ends = cloth.gauges().iter().filter(is_short).flat_map(|gauge| gauge.ends);
         let lies = move |&end: &u32| {
-            let mut ground = self.state.motion.colliders.iter().filter(|collider| is_level(collider));
+            let mut ground = self.state.motion.colliders.iter().filter(|collider| has_flat_faces(collider));
             let on = |collider: &Collider| collider.distance(at(end) + cloth.origin) < ON_GROUND * cloth.mean_edge;
             x[end as usize].w > 0.0 && (self.state.gravity == Vec3::ZERO || ground.any(on))
         };
@@ -110,7 +110,7 @@ impl Deformer {
 }
 
 /// Whether a collider has flat faces, on which cloth can lie in a plane.
-fn is_level(collider: &Collider) -> bool {
+fn has_flat_faces(collider: &Collider) -> bool {
     matches!(collider.shape, Shape::Plane { .. } | Shape::RoundedBox { .. })
 }
 

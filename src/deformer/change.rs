@@ -83,18 +83,15 @@ impl Deformer {
     fn repin(&mut self, cloth: &Cloth, x: &[Vec4]) {
         let Motion { pins, pin_velocities, .. } = &self.state.motion;
         let mut before = vec![None; x.len()];
-        self.cloth.pinned.iter().enumerate().for_each(|(place, &vertex)| before[vertex as usize] = Some(place));
-        let place: Vec<Option<usize>> = cloth.pinned.iter().map(|&vertex| before[vertex as usize]).collect();
-        let at = |(place, &vertex): (&Option<usize>, &u32)| place.map_or(x[vertex as usize].truncate(), |place| pins[place]);
-        let pins = place.iter().zip(&cloth.pinned).map(at).collect();
+        self.cloth.pinned.iter().enumerate().for_each(|(slot, &vertex)| before[vertex as usize] = Some(slot));
+        let slots: Vec<Option<usize>> = cloth.pinned.iter().map(|&vertex| before[vertex as usize]).collect();
+        let at = |(slot, &vertex): (&Option<usize>, &u32)| slot.map_or(x[vertex as usize].truncate(), |slot| pins[slot]);
+        let pins = slots.iter().zip(&cloth.pinned).map(at).collect();
         // The first pins of cloth that moves as a whole stop it.
         let course = self.state.motion.course_of_free(&self.cloth);
-        let velocity =
-            |place: &Option<usize>| place.map_or(course, |place| pin_velocities.get(place).copied().unwrap_or_default());
-        let pin_velocities = match pin_velocities.is_empty() && course == Vec3::ZERO {
-            true => Vec::new(),
-            false => place.iter().map(velocity).collect(),
-        };
+        let velocity = |slot: &Option<usize>| slot.map_or(course, |slot| pin_velocities.get(slot).copied().unwrap_or_default());
+        let pin_velocities =
+            if pin_velocities.is_empty() && course == Vec3::ZERO { Vec::new() } else { slots.iter().map(velocity).collect() };
         (self.state.motion.pins, self.state.motion.pin_velocities) = (pins, pin_velocities);
     }
 }

@@ -59,16 +59,19 @@ impl Deformer {
             return Err(invalid(format_args!("colliders[{index}].mesh"), "a mesh", remedy));
         }
         let size = cloth.sides.length().max(thickness);
-        let check = |name: fmt::Arguments<'_>, value: &dyn fmt::Display, way: f64, remedy: &str| match way > MAX_TRAVEL * size {
-            true => Err(invalid(
-                name,
-                value,
-                format_args!(
-                    "is {} m from where it was before the step, more than {MAX_TRAVEL} times the cloth's size of {} m; lead it there in more steps, or {remedy}",
-                    way as f32, size as f32
-                ),
-            )),
-            false => Ok(()),
+        let check = |name: fmt::Arguments<'_>, value: &dyn fmt::Display, way: f64, remedy: &str| {
+            if way > MAX_TRAVEL * size {
+                Err(invalid(
+                    name,
+                    value,
+                    format_args!(
+                        "is {} m from where it was before the step, more than {MAX_TRAVEL} times the cloth's size of {} m; lead it there in more steps, or {remedy}",
+                        way as f32, size as f32
+                    ),
+                ))
+            } else {
+                Ok(())
+            }
         };
         let pins = attributes.pin_targets.iter().flatten().zip(&motion.pins).enumerate();
         for (slot, (&to, &from)) in pins.filter(|(slot, _)| cloth.is_used(cloth.pinned[*slot])) {
@@ -103,8 +106,10 @@ impl Deformer {
     /// looked at.
     pub(super) fn contact_outruns(&self, decision: &StepDecision) -> Option<Warning> {
         let thickness = self.options.contact.unwrap_or_default().thickness;
-        let (speed, resolved) =
-            (decision.load.kinematic_speed as f32, thickness / (SUBSTEPS_PER_THICKNESS as f32 * decision.division.length.h));
+        let (speed, resolved) = (
+            decision.expected.load.kinematic_speed as f32,
+            thickness / (SUBSTEPS_PER_THICKNESS as f32 * decision.expected.length.h),
+        );
         (speed > 1.001 * resolved).then_some(Warning::ContactOutruns { speed, resolved })
     }
 

@@ -6,28 +6,38 @@ use crate::deformer::buckling::Looks;
 use crate::error::StepError;
 use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
 use crate::options::{Method, Quality};
+use crate::record::recorded;
 use crate::step::controller::{Controller, FEWEST_SUBSTEPS};
 use crate::step::load::{Fastest, Load};
-use crate::step::substep_count::{Division, SIXTIETHS};
+use crate::step::substep_count::{Division, Length, SIXTIETHS};
 use crate::step::watch::Bounds;
 
-/// Everything that is decided about a step before it is taken.
+/// What the statistics of a step are judged by, which a GPU returns some steps later.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct StepDecision {
+pub(super) struct Expectation {
     /// Length of the step (s).
     pub(super) dt: f32,
     pub(super) load: Load,
-    /// The controller as it was when it chose the substeps.
-    pub(super) controller: Controller,
-    /// Substeps per second that the quality asks for.
-    pub(super) substep_rate: f64,
-    pub(super) division: Division,
-    /// Number of coarse levels to ask for.
-    pub(super) levels: u32,
+    pub(super) length: Length,
     /// Whether triangles can touch.
     pub(super) has_contact: bool,
     /// Whether there are more substeps instead of levels. The caution depends on both.
     pub(super) trades_levels: bool,
+}
+
+recorded!(Expectation { dt, load, length, has_contact, trades_levels });
+
+/// Everything that is decided about a step before it is taken.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StepDecision {
+    pub(super) expected: Expectation,
+    /// The controller as it was when it chose the substeps.
+    pub(super) controller: Controller,
+    /// Substeps per second that the quality asks for.
+    pub(super) substep_rate: f64,
+    pub(super) substeps: u32,
+    /// Number of coarse levels to ask for.
+    pub(super) levels: u32,
     /// What moves fastest in the step, and the bounds that its result is checked with.
     pub(super) fastest: Fastest,
     pub(super) bounds: Bounds,
@@ -61,28 +71,18 @@ impl Deformer {
         // The first substeps of a budget are a guess.
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.state.pace.is_known();
         let controller = if is_guess { controller } else { controller.after(substep_rate) };
-        let division = self.rates.divide(&self.cloth, &self.options, dt, [substep_rate, controller.longest()])?;
+        let Division { substeps, length } =
+            self.rates.divide(&self.cloth, &self.options, dt, substep_rate, controller.longest())?;
         let before = self.state.controller.levels();
-        let levels = self.rates.levels(&self.cloth, &self.options, division.length, load.lasting_pressure, before);
+        let levels = self.rates.levels(&self.cloth, &self.options, length, load.lasting_pressure, before);
         let controller = controller.with_levels(levels);
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
         let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
-        let bounds = watch.bounds(&self.cloth, &self.rates, attributes, division.length);
+        let bounds = watch.bounds(&self.cloth, &self.rates, attributes, length);
         let is_observed = self.is_observed(attributes);
-        Ok(StepDecision {
-            dt,
-            load,
-            controller,
-            substep_rate,
-            division,
-            levels,
-            has_contact,
-            trades_levels,
-            fastest,
-            bounds,
-            is_observed,
-            looks: Looks::default(),
-        })
+        let expected = Expectation { dt, load, length, has_contact, trades_levels };
+        let looks = Looks::default();
+        Ok(StepDecision { expected, controller, substep_rate, substeps, levels, fastest, bounds, is_observed, looks })
     }
 
     /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.

@@ -1,13 +1,13 @@
 //! Prediction of a step before it is taken, and its warnings.
 
 use super::Deformer;
-use super::decision::StepDecision;
+use super::decision::{Expectation, StepDecision};
 use crate::attributes::Attributes;
 use crate::error::StepError;
 use crate::model::links::Slivers;
 use crate::options::{Method, Options, Warning};
 use crate::step::coefficients::Coefficients;
-use crate::step::substep_count::{Division, Rates, SIXTIETHS};
+use crate::step::substep_count::{Rates, SIXTIETHS};
 
 /// Prediction of a step from closed forms: see [`Deformer::forecast`](crate::Deformer::forecast).
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +51,7 @@ impl Deformer {
     pub fn forecast(&self, dt: f32, attributes: &Attributes) -> Result<Forecast, StepError> {
         let decision = self.decide(dt, attributes)?;
         let sleeps = self.sleeps(attributes);
-        let StepDecision { load, controller, division: Division { substeps, length }, levels, .. } = decision;
+        let StepDecision { expected: Expectation { load, length, .. }, controller, substeps, levels, .. } = decision;
         let bending = Coefficients::new(&self.cloth, &[], &self.options, length).bending;
         let strain = match self.options.method {
             Method::SmallSteps => controller.expected(&self.rates, &self.cloth, &load, length.longest_h),
@@ -79,7 +79,7 @@ impl Deformer {
 
     /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices.
     pub(super) fn warnings(&self, decision: &StepDecision, limited: usize) -> Vec<Warning> {
-        let &StepDecision { dt, division: Division { substeps, .. }, fastest, .. } = decision;
+        let &StepDecision { expected: Expectation { dt, .. }, substeps, fastest, .. } = decision;
         let limited = (limited > 0).then_some(Warning::BendingLimited { vertices: limited });
         let needed = self.rates.explicit_shortfall(dt, substeps);
         let needed = needed.map(|needed| Warning::ExplicitLimit { substeps, needed });

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::Deformer;
 use super::contact::mesh_colliders;
-use super::decision::StepDecision;
+use super::decision::{Expectation, StepDecision};
 use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
@@ -152,16 +152,16 @@ impl Deformer {
             dropped = self.late();
             self.state.awaiting_statistics.clear();
         }
-        self.state.awaiting_statistics.push_back(*decision);
+        self.state.awaiting_statistics.push_back(decision.expected);
         let seen = seen?;
-        let decision = self.state.awaiting_statistics.pop_front()?;
+        let expected = self.state.awaiting_statistics.pop_front()?;
         let strain_bound = self.strain_bound();
         if let Some(strain_bound) = strain_bound {
             let holds = self.holds(strain_bound, warnings);
-            warnings.extend(self.learn(&decision, strain_bound, seen, holds));
+            warnings.extend(self.learn(&expected, strain_bound, seen, holds));
         }
         if let Some(before) = self.state.seen.replace(*seen) {
-            self.state.motion.observe([&before, seen], dropped + decision.dt);
+            self.state.motion.observe([&before, seen], dropped + expected.dt);
         }
         let share = seen.stretch_of(f64::from(strain_bound.map_or(Quality::MOST_OF_THE_AREA, |strain_bound| strain_bound.share)));
         Some(Stretch { mean: seen.mean_stretch(), share, worst: f32::from_bits(seen.worst_stretch) })
@@ -180,16 +180,16 @@ impl Deformer {
     /// Updates the controller from a step's statistics; returns a warning if the bound was exceeded.
     fn learn(
         &mut self,
-        decision: &StepDecision,
+        expected: &Expectation,
         strain_bound: StrainBound,
         seen: &Statistics,
         holds: Option<Cause>,
     ) -> Option<Warning> {
-        let StepDecision { dt, load, division, has_contact, trades_levels, .. } = decision;
-        let (share, longest) = (strain_bound.share, f64::from(division.length.longest_h));
+        let Expectation { dt, load, length, has_contact, trades_levels } = expected;
+        let (share, longest) = (strain_bound.share, f64::from(length.longest_h));
         // How many times as many substeps would still help.
         let times = SIXTIETHS * most(&self.rates, &self.cloth) * longest;
-        let resolved = division.length.resolved;
+        let resolved = length.resolved;
         let resolved = [resolved, resolved_share(&self.cloth, share, resolved, times.max(1.0).powi(-2))];
         let measured = f64::from(seen.stretch_of(f64::from(share)));
         let with_most = times < 1.001;

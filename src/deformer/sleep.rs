@@ -60,6 +60,6 @@ impl Deformer {
 
     /// The duration (s) of the steps whose statistics have not arrived: on a GPU the last three.
     pub(super) fn late(&self) -> f32 {
-        self.state.awaiting_statistics.iter().map(|decision| decision.dt).fold(0.0, |sum, dt| sum + dt)
+        self.state.awaiting_statistics.iter().map(|step| step.dt).fold(0.0, |sum, dt| sum + dt)
     }
 }

@@ -2,7 +2,6 @@
 
 use glam::{Vec3, Vec4};
 
-use super::decision::StepDecision;
 use super::{Deformer, State};
 use crate::deformer::imperfection::FlatStart;
 use crate::error::{StateError, StepError};
@@ -14,7 +13,7 @@ use crate::record::{Hash, Recorded, recorded};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 14;
+const VERSION: u32 = 15;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
@@ -110,7 +109,6 @@ struct Content {
 
 recorded!(Content { identity, lanes, x, p, engine, state });
 recorded!(State { motion, controller, awaiting_statistics, seen, pace, still, looks, watch, bounds, gravity });
-recorded!(StepDecision { dt, load, controller, substep_rate, division, levels, has_contact, trades_levels } but { fastest, bounds, is_observed, looks });
 
 impl Deformer {
     /// Captures the state of the motion. Steps after [`Deformer::restore`] are the same, bit for bit, as the steps that
@@ -162,7 +160,8 @@ impl Deformer {
         }
         let Content { x, p, engine, state, .. } = content;
         let x: Vec<Vec4> = x.iter().zip(&self.cloth.rest).map(|(x, rest)| x.extend(rest.w)).collect();
-        let p: Vec<Vec4> = p.iter().map(|p| p.extend(state.motion.h)).collect();
+        let mut p: Vec<Vec4> = p.iter().map(|p| p.extend(state.motion.h)).collect();
+        self.cloth.stop_loose(&mut p);
         let resumed = self.engine.resume(&self.cloth, &self.options, [&x, &p], &engine);
         if !resumed.map_err(|failure| StateError::Step(self.failed(failure)))? {
             return Err(StateError::Altered);

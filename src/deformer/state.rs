@@ -107,12 +107,12 @@ impl Deformer {
         let cloth = &self.cloth;
         let local = |vertex: u32| positions[vertex as usize] - cloth.origin;
         let x: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(|(&vertex, rest)| local(vertex).extend(rest.w)).collect();
-        self.place(&x, velocities);
+        self.set_local(&x, velocities);
         Ok(())
     }
 
     /// Sets the state: local positions (m) in the cloth's order, and velocities (m/s) in the mesh's.
-    pub(super) fn place(&mut self, x: &[Vec4], velocities: &[Vec3]) {
+    pub(super) fn set_local(&mut self, x: &[Vec4], velocities: &[Vec3]) {
         let cloth = &self.cloth;
         let mut p: Vec<Vec4> = cloth.order.iter().map(|&vertex| velocities[vertex as usize].extend(0.0)).collect();
         cloth.stop_loose(&mut p);

@@ -66,7 +66,7 @@ impl Deformer {
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {
             let (dt, pin_velocities) = (self.state.motion.dt, std::mem::take(&mut self.state.motion.pin_velocities));
-            self.place(&x, &self.velocities.clone());
+            self.set_local(&x, &self.velocities.clone());
             // What moves goes on from where it is now.
             self.flat_start = self.flat_start.take().filter(|_| dt == 0.0);
             (self.state.motion.dt, self.state.motion.pin_velocities) = (dt, pin_velocities);

@@ -7,7 +7,7 @@ use crate::deformer::imperfection::FlatStart;
 use crate::error::WarpError;
 use crate::kernels::limits::is_bounded;
 use crate::kernels::rigid::Rigid;
-use crate::step::motion::Place;
+use crate::step::motion::Whereabouts;
 
 impl Deformer {
     /// Moves the cloth and its pins rigidly, as for a character that is teleported. `motion` maps world positions (m)
@@ -45,7 +45,7 @@ impl Deformer {
         self.state.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
         self.state.motion.course = rigid.vector(self.state.motion.course);
         let course = self.state.motion.course_of_free(&self.cloth);
-        self.state.motion.placed = self.state.motion.placed.map(|_| Place::of(&x, &p, course));
+        self.state.motion.placed = self.state.motion.placed.map(|_| Whereabouts::of(&x, &p, course));
         self.state.motion.colliders.clear();
         self.state.seen.iter_mut().for_each(|seen| seen.warp(&rigid));
         self.wake();

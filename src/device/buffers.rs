@@ -97,9 +97,10 @@ impl Gpu {
     /// before anything uses it.
     pub(crate) fn make(&self, label: &'static str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let size = size.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT);
-        let (limit, allowed) = match usage.contains(wgpu::BufferUsages::STORAGE) {
-            true => self.most_bytes(),
-            false => ("max_buffer_size", self.device().limits().max_buffer_size),
+        let (limit, allowed) = if usage.contains(wgpu::BufferUsages::STORAGE) {
+            self.most_bytes()
+        } else {
+            ("max_buffer_size", self.device().limits().max_buffer_size)
         };
         if size > allowed {
             Gpu::refuse(Excess { thing: label, needed: size, limit, allowed });

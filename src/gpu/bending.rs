@@ -22,6 +22,8 @@ const OWN: [usize; 2] = [32, 128];
 /// Bytes of workgroup memory per vertex with moments, with one pass and with several, and per vertex.
 const IN_TILE: [usize; 2] = [24, 72];
 const HELD: usize = 24;
+/// Moments per displacement in memory, in size, with one pass and with several.
+pub(super) const MOMENTS: [u64; 2] = [2, 6];
 /// The room of tiles is a multiple of this number of vertices.
 const ROOMS: usize = 32;
 
@@ -194,7 +196,7 @@ impl Lists {
             push_rings(&mut table, cloth.rest.len(), |v| cloth.bending().entries.of(v as u32), |vertex| vertex);
             gpu.filled("bend slices", &table)
         });
-        let moments = gpu.buffer("moments", if several { 6 } else { 2 } * u.size());
+        let moments = gpu.buffer("moments", MOMENTS[usize::from(several)] * u.size());
         let passes = Bind::Dynamic(&self.passes, size_of::<BendPass>());
         let stage = |name| {
             stage(gpu, uniforms, shaders::BEND, name, states, |state| {

@@ -2,6 +2,7 @@
 //! wrong.
 
 use crate::device::Gpu;
+use crate::device::fault::GpuFault;
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, ComputePass, Stage};
@@ -42,6 +43,12 @@ impl Commit {
     /// Resets the result of the check, and sets the number of steps.
     pub(crate) fn restart(&self, gpu: &Gpu, steps: u32) {
         gpu.write(&self.found, 0, &[Defects { steps, ..Defects::NOTHING }]);
+    }
+
+    /// Waits for the result of the check, and reads it.
+    pub(crate) fn read_found(&self, gpu: &Gpu) -> Result<Defects, GpuFault> {
+        let staging = gpu.staging("found", self.found.size());
+        gpu.read(&staging, &[&self.found], bytemuck::pod_read_unaligned)
     }
 
     /// Encodes the commit of state number `made`, and its check unless it is already `checked`.

@@ -32,7 +32,7 @@ use crate::step::plan::Plan;
 
 pub(crate) use route::Route;
 
-/// Number of cloths stepped together from which each is given one workgroup whatever its size.
+/// Number of cloths stepped together on one device from which each is given one workgroup whatever its size.
 const CROWD: usize = 4;
 
 /// A cloth on the GPU.
@@ -158,8 +158,8 @@ impl GpuEngine {
             self.forces.forget_springs();
             return Ok(());
         }
-        let steps = self.past()?.steps;
         let (gpu, own) = (self.gpu.clone(), self.forces.states[0].clone());
+        let steps = gpu.checked(|| self.commit.read_found(&gpu))?.steps;
         let best = GpuEngine::best(&gpu, cloth, method);
         let mut made = GpuEngine::make(gpu, cloth, method, best, Some(own))?;
         // Edges between two pins have no strain gauges.
@@ -191,7 +191,7 @@ impl GpuEngine {
         &self.forces.states[0].x
     }
 
-    /// Submits a step. Returns before it is done.
+    /// Submits a step. Returns before it is done, unless there is contact of triangles.
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         self.check_whole()?;
         let has_contact = !IN_BROWSER && (self.contact.is_some() || plan.has_contact());
@@ -219,10 +219,9 @@ impl GpuEngine {
     /// Dispatches that share no buffer run concurrently, so each of many small cloths gets one workgroup.
     pub(crate) fn step_all(jobs: &mut [(usize, &mut GpuEngine, Plan<'_>)]) -> Vec<(usize, Failure)> {
         let mut failures = Vec::new();
-        let crowd = jobs.len() >= CROWD;
         jobs.sort_by_key(|(_, engine, _)| engine.gpu.id());
         for together in jobs.chunk_by_mut(|(_, a, _), (_, b, _)| a.gpu.id() == b.gpu.id()) {
-            let gpu = together[0].1.gpu.clone();
+            let (gpu, crowd) = (together[0].1.gpu.clone(), together.len() >= CROWD);
             let submitted = gpu.checked(|| {
                 let mut submission = Submission::new(&gpu);
                 for (_, engine, plan) in together.iter_mut() {

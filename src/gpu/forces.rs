@@ -5,7 +5,7 @@ use glam::Vec4;
 
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
-use crate::gpu::bending::{Bending, BendingInputs};
+use crate::gpu::bending::{Bending, BendingInputs, MOMENTS};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, BindGroup, ComputePass, SLOT, Sent, Stage, fill_slots, slot};
 use crate::gpu::state::{StateBuffers, bound_by_predict, stage};
@@ -43,10 +43,10 @@ impl Forces {
     /// Creates this many states in addition to the cloth's own, which may exist already.
     pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, copies: usize, own: Option<StateBuffers>) -> Result<Forces, GpuFault> {
         let size = size_of_val(cloth.rest.as_slice()) as u64;
-        // The largest of the buffers that the cloth may need later: bending moments, springs, panels.
+        // The largest of the buffers that the cloth may need later: bending moments of several passes, springs, panels.
         gpu.meets(
             "the cloth's largest buffer",
-            (2 * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64),
+            (MOMENTS[1] * size).max(24 * cloth.links.len() as u64).max(16 * cloth.triangles.len() as u64),
         )?;
         let u = gpu.buffer("u", size);
         let own = own.unwrap_or_else(|| {

@@ -41,7 +41,7 @@ impl Payload {
     /// What the forces of `plan` need. `shifts` tells whether positions may change by more than the displacements that
     /// are sent.
     pub(crate) fn needed(plan: &Plan<'_>, shifts: bool) -> Payload {
-        match (plan.air || plan.bending && plan.damped(), shifts) {
+        match (plan.forces_read_velocities(), shifts) {
             (false, _) => Payload::Positions,
             (true, true) => Payload::Both,
             (true, false) => Payload::Displacements,
@@ -93,7 +93,7 @@ pub(crate) struct Exchange {
     sent: Option<wgpu::Buffer>,
     /// The copy of `inbox` on the device, likewise.
     given: Option<wgpu::Buffer>,
-    arrive: Vec<Stage>,
+    arrive: [Stage; Payload::ALL.len()],
     leave: Stage,
     vertices: u64,
     /// Whether the buffers are mapped, or mapping was requested.
@@ -104,9 +104,9 @@ pub(crate) struct Exchange {
 impl Exchange {
     /// For the first state of `forces`. `in_place` says for outbox and inbox whether the device uses the mapped buffer
     /// directly.
-    pub(crate) fn new(gpu: &Gpu, forces: &Forces, vertices: usize, in_place: [bool; 2]) -> Exchange {
+    pub(crate) fn new(gpu: &Gpu, forces: &Forces, in_place: [bool; 2]) -> Exchange {
         use wgpu::BufferUsages as Usage;
-        let vertices = vertices as u64;
+        let vertices = forces.vertices() as u64;
         let sizes = [2 * THREE * vertices, THREE * vertices];
         let used = |index: usize, copied| if in_place[index] { Usage::STORAGE } else { copied };
         let outbox = gpu.make("outbox", sizes[0], Usage::MAP_WRITE | used(0, Usage::COPY_SRC));
@@ -117,8 +117,8 @@ impl Exchange {
 
         let state = &forces.states[0];
         let arrive = Payload::ALL.map(|what| {
-            let has = |held: bool| f64::from(u8::from(held));
-            let constants = [("POSITIONS", has(what.has_positions())), ("DISPLACEMENTS", has(what.has_displacements()))];
+            let has = [what.has_positions(), what.has_displacements()].map(f64::from);
+            let constants = [("POSITIONS", has[0]), ("DISPLACEMENTS", has[1])];
             let entry = Entry { shader: shaders::EXCHANGE, name: "arrive", constants: &constants };
             let bound = vec![Bind::Read(sent), Bind::Write(&state.x), Bind::Write(&state.p)];
             Stage::new(gpu, &forces.uniforms, entry, &[bound])
@@ -126,7 +126,6 @@ impl Exchange {
         let bound = vec![Bind::Unused, Bind::Unused, Bind::Unused, Bind::Read(&forces.u), Bind::Write(given)];
         let entry = Entry { shader: shaders::EXCHANGE, name: "leave", constants: &[] };
         let leave = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
-        let arrive = arrive.into_iter().collect();
         let [sent, given] = copies;
         Exchange { arrive, leave, vertices, asked: false, ready: Arc::default(), outbox, inbox, sent, given }
     }

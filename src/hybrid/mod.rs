@@ -59,7 +59,7 @@ impl Hybrid {
             // Provides the inverse masses; positions are sent.
             gpu.write(&forces.states[0].x, 0, &cloth.rest);
             let in_place = gpu.device().features().contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS);
-            let exchange = Exchange::new(&gpu, &forces, cloth.rest.len(), [in_place; 2]);
+            let exchange = Exchange::new(&gpu, &forces, [in_place; 2]);
             Ok(Hybrid {
                 gpu,
                 forces,
@@ -109,9 +109,9 @@ impl Hybrid {
 
     /// Chooses whether the device uses the mapped outbox and inbox directly.
     #[cfg(any(test, feature = "bench"))]
-    pub(crate) fn exchange_in_place(&mut self, vertices: usize, in_place: [bool; 2]) {
+    pub(crate) fn exchange_in_place(&mut self, in_place: [bool; 2]) {
         self.mapped = None;
-        self.exchange = Exchange::new(&self.gpu, &self.forces, vertices, in_place);
+        self.exchange = Exchange::new(&self.gpu, &self.forces, in_place);
         self.sent = None;
     }
 

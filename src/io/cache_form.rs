@@ -165,9 +165,10 @@ pub(super) fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
 }
 
 fn check_rate(fps: f32) -> Result<(), PointCacheError> {
-    match fps > 0.0 && fps.is_finite() {
-        true => Ok(()),
-        false => Err(PointCacheError::Form { problem: format!("fps = {fps}; frames a second must be finite and above 0") }),
+    if fps > 0.0 && fps.is_finite() {
+        Ok(())
+    } else {
+        Err(PointCacheError::Form { problem: format!("fps = {fps}; frames a second must be finite and above 0") })
     }
 }
 

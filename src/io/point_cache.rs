@@ -117,9 +117,6 @@ impl PointCache {
     }
 
     fn check_whole(&self) -> Result<(), PointCacheError> {
-        match self.cut_short {
-            true => Err(PointCacheError::CutShort { file: self.path.clone(), sample: self.given + 1 }),
-            false => Ok(()),
-        }
+        if self.cut_short { Err(PointCacheError::CutShort { file: self.path.clone(), sample: self.given + 1 }) } else { Ok(()) }
     }
 }

@@ -56,6 +56,9 @@ pub(crate) struct Params {
     pub checks: u32,
     /// Number of vertices with edges, which come first.
     pub used: u32,
+    /// The unit vector opposite to gravity; 0 without gravity.
+    pub up: [f32; 3],
+    pub padding: u32,
 }
 
 /// Parameters that differ between substeps.

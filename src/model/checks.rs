@@ -70,9 +70,8 @@ pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Res
 
 /// Checks the options for a mesh with so many vertices and edges.
 pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) -> Result<(), BuildError> {
-    let value = |name: &str, value: f32, holds: bool, remedy: &'static str| match holds {
-        true => Ok(()),
-        false => Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }),
+    let value = |name: &str, value: f32, holds: bool, remedy: &'static str| {
+        if holds { Ok(()) } else { Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }) }
     };
     let not_negative: fn(f32) -> bool = |x| x >= 0.0 && x.is_finite();
     let fabric = options.fabric;
@@ -90,9 +89,8 @@ pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) ->
             return Err(BuildError::PinTwice { slot, index });
         }
     }
-    let length = |name, list: &[f32], expected, things| match list.len() == expected {
-        true => Ok(()),
-        false => Err(BuildError::Length { name, given: list.len(), expected, things }),
+    let length = |name, list: &[f32], expected, things| {
+        if list.len() == expected { Ok(()) } else { Err(BuildError::Length { name, given: list.len(), expected, things }) }
     };
     let each = |name: &str, list: &[f32], holds: fn(f32) -> bool, remedy| match list.iter().position(|&x| !holds(x)) {
         None => Ok(()),

@@ -378,9 +378,8 @@ pub(crate) enum Change {
 /// and so is adding it back.
 fn local_origin<'a>(positions: impl IntoIterator<Item = &'a Vec3>) -> Vec3 {
     let [low, high] = bounds(positions);
-    let along = |low: f32, high: f32| match low > 0.0 && high <= 2.0 * low || high < 0.0 && low >= 2.0 * high {
-        true => low + 0.5 * (high - low),
-        false => 0.0,
+    let along = |low: f32, high: f32| {
+        if low > 0.0 && high <= 2.0 * low || high < 0.0 && low >= 2.0 * high { low + 0.5 * (high - low) } else { 0.0 }
     };
     Vec3::new(along(low.x, high.x), along(low.y, high.y), along(low.z, high.z))
 }

@@ -200,10 +200,7 @@ impl Controller {
             false => (self.count, low),
         };
         let has_failed = (is_held || lasts) && count > self.count && self.fallen_for < TRIED.max(TRIED_STEPS * dt);
-        let (too_few, failed_under) = match has_failed {
-            true => (too_few.max(self.count), stress),
-            false => (too_few, self.failed_under),
-        };
+        let (too_few, failed_under) = if has_failed { (too_few.max(self.count), stress) } else { (too_few, self.failed_under) };
         let fallen_for = if count < self.count { 0.0 } else { self.fallen_for + dt };
         Controller { factor, count, low, stress, too_few, failed_under, fallen_for, ..*self }
     }

@@ -11,13 +11,13 @@ use crate::model::cloth::Cloth;
 use crate::model::mesh::{around, bounds, near_vertices};
 use crate::options::Cause;
 use crate::record::recorded;
-use crate::step::motion::{Motion, Place};
+use crate::step::motion::{Motion, Whereabouts};
 
 /// The accelerations, speeds and pressures that determine the membrane stress.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Load {
-    /// Gravity (m/s²).
-    pub gravity: f64,
+    /// Gravity and linear drag (m/s²): see [`ambient_acceleration`].
+    pub ambient: f64,
     /// Acceleration (m/s²) of the pin whose velocity changes the most in this step.
     pub pins: f64,
     /// The 95th percentile of the free vertices' speed (m/s) relative to the pins, or to the course of cloth without any.
@@ -34,7 +34,7 @@ pub(crate) struct Load {
     pub lasting_pressure: f64,
 }
 
-recorded!(Load { gravity, pins, cloth_speed, collider_speed, kinematic_speed, pressure, lasting_pressure });
+recorded!(Load { ambient, pins, cloth_speed, collider_speed, kinematic_speed, pressure, lasting_pressure });
 
 /// What moves fastest in a step: an index in its list, and its speed (m/s).
 #[derive(Debug, Clone, Copy, Default)]
@@ -51,7 +51,7 @@ pub(crate) struct Fastest {
     /// The displacement (m) of the pins, or of cloth without any: see [`Motion::drift`].
     pub drift: Vec3,
     /// Where the cloth may be in the step, as far as that is known.
-    pub place: Option<Place>,
+    pub whereabouts: Option<Whereabouts>,
 }
 
 impl Fastest {
@@ -70,7 +70,7 @@ impl Fastest {
         let common = motion.last_drift(cloth).as_dvec3();
         let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
         let common = if goes_along { common } else { DVec3::ZERO };
-        let mut place = motion.place(seen).map(|place| place.along(motion.last_drift(cloth) * age + drift));
+        let mut whereabouts = motion.whereabouts(seen).map(|of_cloth| of_cloth.along(motion.last_drift(cloth) * age + drift));
         let mut fastest = Fastest { drift, ..Fastest::default() };
         let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
             if speed > than.1 {
@@ -83,9 +83,9 @@ impl Fastest {
             fastest.any_pin = fastest.any_pin.max(velocity.length());
             faster(&mut fastest.pin, index, velocity.distance(common));
             let relative = (velocity - (drift / dt as f32).as_dvec3()).length() as f32;
-            place.iter_mut().for_each(|place| place.fastest = place.fastest.max(relative));
+            whereabouts.iter_mut().for_each(|of_cloth| of_cloth.fastest = of_cloth.fastest.max(relative));
         }
-        fastest.place = place;
+        fastest.whereabouts = whereabouts;
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let way = travel(&now.shape, &last.shape, Vec3::ZERO);
             fastest.any_collider = fastest.any_collider.max(way / dt);
@@ -94,7 +94,7 @@ impl Fastest {
             // Pins hold the cloth back from what is still; without any it runs into that on its course.
             let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, relative) };
             let speed = speed / dt;
-            if speed > fastest.solid.1 && is_near(cloth, now, reach, dt, place) {
+            if speed > fastest.solid.1 && is_near(cloth, now, reach, dt, whereabouts) {
                 faster(&mut fastest.collider, index, speed);
                 if !matches!(now.shape, Shape::Mesh { .. }) {
                     faster(&mut fastest.solid, index, speed);
@@ -116,12 +116,12 @@ impl Load {
     /// the cloth gives way to it.
     pub(crate) fn stress_without_wind(&self, cloth: &Cloth) -> f64 {
         let speed = self.cloth_speed.max(self.collider_speed);
-        cloth.density * ((self.gravity + self.pins) * cloth.extent + speed * speed)
+        cloth.density * ((self.ambient + self.pins) * cloth.extent + speed * speed)
     }
 
-    /// The membrane stress (N/m) by gravity alone.
+    /// The membrane stress (N/m) by gravity and linear drag alone.
     pub(crate) fn weight(&self, cloth: &Cloth) -> f64 {
-        cloth.density * self.gravity * cloth.extent
+        cloth.density * self.ambient * cloth.extent
     }
 
     /// Whether what moves adds less than a third to the stress of gravity.
@@ -142,7 +142,7 @@ impl Load {
             (Cause::Collider, weighed(0.0, self.collider_speed)),
             (Cause::Wind, self.pressure * cloth.extent),
             // The last one of equal terms is taken: without any load it is the cloth's own motion.
-            (Cause::Motion, weighed(self.gravity, self.cloth_speed)),
+            (Cause::Motion, weighed(self.ambient, self.cloth_speed)),
         ];
         terms.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Cause::Motion, |(cause, _)| cause)
     }
@@ -159,18 +159,25 @@ impl Load {
         thickness: Option<f64>,
     ) -> Load {
         let relative = pressure_of(attributes, attributes.wind - fastest.drift / dt);
+        let ambient = ambient_acceleration(attributes, fastest.drift / dt);
         // Still air hardly stretches cloth that flies through it: the cloth gives way as a whole.
-        let pressure =
-            if cloth.has_pins() { relative } else { relative.min(still_pressure(cloth, motion, attributes, dt, fastest)) };
+        let (pressure, ambient) = if cloth.has_pins() {
+            (relative, ambient)
+        } else {
+            (
+                relative.min(still_pressure(cloth, motion, attributes, dt, fastest)),
+                ambient.min(ambient_acceleration(attributes, Vec3::ZERO)),
+            )
+        };
         Load {
-            gravity: attributes.gravity.as_dvec3().length(),
+            ambient,
             pins: pin_acceleration(cloth, motion, attributes, dt),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
             collider_speed: fastest.collider.1,
             pressure,
             lasting_pressure: pressure.min(pressure_of(attributes, attributes.wind - motion.last_drift(cloth))),
             kinematic_speed: thickness
-                .map_or(0.0, |thickness| kinematic_speed(cloth, motion, attributes, [dt, thickness as f32], fastest.place)),
+                .map_or(0.0, |thickness| kinematic_speed(cloth, motion, attributes, dt, thickness as f32, fastest.whereabouts)),
         }
     }
 }
@@ -190,7 +197,7 @@ fn still_pressure(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f
     let is_same_kind = |(now, last): &(&Collider, &Collider)| discriminant(&now.shape) == discriminant(&last.shape);
     let near = motion.followed(&attributes.colliders).filter(is_same_kind).filter(|(now, last)| {
         let travel = travel(&now.shape, &last.shape, fastest.drift);
-        is_near(cloth, now, travel, f64::from(dt), fastest.place)
+        is_near(cloth, now, travel, f64::from(dt), fastest.whereabouts)
     });
     let velocities = near.map(|(now, last)| (now.landmarks()[0] - last.landmarks()[0]) / dt);
     velocities.map(|velocity| pressure_of(attributes, attributes.wind - velocity)).fold(still, f64::min)
@@ -201,9 +208,17 @@ fn pressure_of(attributes: &Attributes, wind: Vec3) -> f64 {
     0.5 * f64::from(attributes.air_density) * f64::from(attributes.drag) * wind.as_dvec3().length_squared()
 }
 
-/// The acceleration (m/s²) equivalent to the load of gravity and of the wind on cloth that moves at `velocity` (m/s).
-pub(crate) fn acceleration(cloth: &Cloth, attributes: &Attributes, velocity: Vec3) -> f64 {
-    attributes.gravity.as_dvec3().length() + pressure_of(attributes, attributes.wind - velocity) / cloth.density
+/// The acceleration (m/s²) by gravity and by linear drag toward the wind of cloth that is kept at a `velocity` (m/s); at least that
+/// by gravity, because what sinks at its final speed is stopped some time.
+pub(crate) fn ambient_acceleration(attributes: &Attributes, velocity: Vec3) -> f64 {
+    let gravity = attributes.gravity.as_dvec3();
+    let dragged = gravity + f64::from(attributes.damping) * (attributes.wind - velocity).as_dvec3();
+    gravity.length().max(dragged.length())
+}
+
+/// The acceleration (m/s²) equivalent to all that loads cloth which moves at `velocity` (m/s).
+pub(crate) fn loading_acceleration(cloth: &Cloth, attributes: &Attributes, velocity: Vec3) -> f64 {
+    ambient_acceleration(attributes, velocity) + pressure_of(attributes, attributes.wind - velocity) / cloth.density
 }
 
 /// What changes after a step much longer than this one may have changed at any time in it, but also just now: the time that it took
@@ -227,9 +242,9 @@ fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt:
 }
 
 /// Whether a collider may touch the cloth during a step of `dt` (s) in which it moves by `travel` (m) relative to the cloth's
-/// course. True if the `place` of the cloth is not known.
-fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, place: Option<Place>) -> bool {
-    place.is_none_or(|Place { low, high, fastest }| {
+/// course. True if the `whereabouts` of the cloth is not known.
+fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, whereabouts: Option<Whereabouts>) -> bool {
+    whereabouts.is_none_or(|Whereabouts { low, high, fastest }| {
         let reach = STEPS_AHEAD * (f64::from(fastest) * dt + travel);
         // The vertices of meshes are not shifted by `relative_to`, so the box is compared in the caller's coordinates.
         let origin = if let Shape::Mesh { .. } = collider.shape { cloth.origin } else { Vec3::ZERO };
@@ -244,15 +259,16 @@ fn kinematic_speed(
     cloth: &Cloth,
     motion: &Motion,
     attributes: &Attributes,
-    [dt, thickness]: [f32; 2],
-    place: Option<Place>,
+    dt: f32,
+    thickness: f32,
+    whereabouts: Option<Whereabouts>,
 ) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
     let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| cloth.is_used(**pin));
     let pins = pins.map(|(_, (&to, &from))| to - cloth.origin - from).chain(held);
     let course = motion.course_of_free(cloth) * dt;
-    let near = place.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |Place { low, high, fastest }| {
+    let near = whereabouts.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |Whereabouts { low, high, fastest }| {
         let reach = STEPS_AHEAD as f32 * fastest * dt + 2.0 * thickness;
         [low + cloth.origin - reach, high + cloth.origin + reach]
     });
@@ -261,7 +277,7 @@ fn kinematic_speed(
         if let (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) = (&now.shape, &last.shape) {
             let moves = || from.positions.iter().zip(&to.positions).map(|(&from, &to)| [from, to - from]);
             let relative = travel(&now.shape, &last.shape, course);
-            if !is_near(cloth, now, relative + f64::from(thickness), f64::from(dt), place) {
+            if !is_near(cloth, now, relative + f64::from(thickness), f64::from(dt), whereabouts) {
                 continue;
             }
             let enlargement = |by: Vec3| STEPS_AHEAD as f32 * (by - course).abs();
@@ -282,13 +298,6 @@ const STEPS_AHEAD: f64 = 4.0;
 /// the shapes are of different kinds.
 pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3) -> f64 {
     let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3() - by.as_dvec3();
-    if discriminant(now) != discriminant(last) {
-        return 0.0;
-    }
-    if let (Some(now), Some(last)) = (now.ends(), last.ends()) {
-        let end = |k: usize| apart(now[k].0, last[k].0).length() + f64::from((now[k].1 - last[k].1).abs());
-        return end(0).max(end(1));
-    }
     match (now, last) {
         // Motion within the plane only drags by friction, which does not push the cloth.
         (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, .. }) => {
@@ -305,7 +314,12 @@ pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3) -> f64 {
             let moves = mesh.positions.iter().zip(&last.positions).map(|(&to, &from)| (to - from - by).length_squared());
             f64::from(if Arc::ptr_eq(mesh, last) { by.length() } else { moves.fold(0.0, f32::max).sqrt() })
         }
-        _ => 0.0,
+        (Shape::Plane { .. } | Shape::RoundedBox { .. } | Shape::Mesh { .. }, _) => 0.0,
+        (Shape::Sphere { .. } | Shape::Capsule { .. } | Shape::TaperedCapsule { .. }, _) => {
+            let ends = now.ends().zip(last.ends().filter(|_| discriminant(now) == discriminant(last)));
+            let end = |now: (Vec3, f32), last: (Vec3, f32)| apart(now.0, last.0).length() + f64::from((now.1 - last.1).abs());
+            ends.map_or(0.0, |(now, last)| end(now[0], last[0]).max(end(now[1], last[1])))
+        }
     }
 }
 

@@ -27,36 +27,36 @@ pub(crate) struct Motion {
     /// Velocity (m/s) at which the cloth moves as a whole, as far as statistics tell: see [`Motion::observe`].
     pub course: Vec3,
     /// Where the cloth is, if its state was set and no step was taken since. After that only statistics tell.
-    pub placed: Option<Place>,
+    pub placed: Option<Whereabouts>,
 }
 
 recorded!(Motion { dt, h, colliders, pins, pin_velocities, course, placed });
 
 /// The box around the cloth (m, in local coordinates), and the speed (m/s) of its fastest vertex relative to its course.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Place {
+pub(crate) struct Whereabouts {
     pub low: Vec3,
     pub high: Vec3,
     pub fastest: f32,
 }
 
-recorded!(Place { low, high, fastest });
+recorded!(Whereabouts { low, high, fastest });
 
-impl Place {
+impl Whereabouts {
     /// In a state in the cloth's order: positions (m) and velocities (m/s).
-    pub(crate) fn of(x: &[Vec4], v: &[Vec4], course: Vec3) -> Place {
+    pub(crate) fn of(x: &[Vec4], v: &[Vec4], course: Vec3) -> Whereabouts {
         let [low, high] = bounds(x.iter().map(|x| x.truncate()));
-        Place { low, high, fastest: v.iter().map(|v| v.truncate().distance(course)).fold(0.0, f32::max) }
+        Whereabouts { low, high, fastest: v.iter().map(|v| v.truncate().distance(course)).fold(0.0, f32::max) }
     }
 
     /// The box around the way of a cloth that moves by as much (m) as a whole.
-    pub(crate) fn along(self, by: Vec3) -> Place {
-        Place { low: self.low.min(self.low + by), high: self.high.max(self.high + by), ..self }
+    pub(crate) fn along(self, by: Vec3) -> Whereabouts {
+        Whereabouts { low: self.low.min(self.low + by), high: self.high.max(self.high + by), ..self }
     }
 
     /// As statistics tell.
-    fn seen(seen: &Statistics) -> Place {
-        Place { low: unordered(seen.low), high: unordered(seen.high), fastest: f32::from_bits(seen.fastest) }
+    fn seen(seen: &Statistics) -> Whereabouts {
+        Whereabouts { low: unordered(seen.low), high: unordered(seen.high), fastest: f32::from_bits(seen.fastest) }
     }
 }
 
@@ -76,7 +76,7 @@ impl Motion {
         let free = v.iter().zip(&cloth.rest).take(cloth.used).filter(|(_, rest)| rest.w > 0.0);
         let (sum, count) = free.fold((DVec3::ZERO, 0), |(sum, count), (v, _)| (sum + v.truncate().as_dvec3(), count + 1));
         motion.set_course((sum / f64::from(count.max(1))).as_vec3());
-        Motion { placed: Some(Place::of(x, v, motion.course_of_free(cloth))), ..motion }
+        Motion { placed: Some(Whereabouts::of(x, v, motion.course_of_free(cloth))), ..motion }
     }
 
     /// The course (m/s) of cloth that no pins hold, otherwise 0.
@@ -85,8 +85,8 @@ impl Motion {
     }
 
     /// Where the cloth is, as far as it is known, given the latest statistics.
-    pub(crate) fn place(&self, seen: Option<&Statistics>) -> Option<Place> {
-        seen.map(Place::seen).or(self.placed)
+    pub(crate) fn whereabouts(&self, seen: Option<&Statistics>) -> Option<Whereabouts> {
+        seen.map(Whereabouts::seen).or(self.placed)
     }
 
     /// Pairs each collider with the one it moves from: itself if it is new, was teleported or cannot have been that

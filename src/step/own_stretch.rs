@@ -71,10 +71,7 @@ fn rest(cloth: &Cloth, share: f32) -> f64 {
 /// at 1.45 and 8.6 at 12, its mean by 1.66, 1.52, 1.51 and 1.51 %.
 pub(crate) fn resolved_share(cloth: &Cloth, share: f32, of_most: f64, near_pins: f64) -> f64 {
     // Of a smaller rest of the area, that of an edge grows as the inverse root.
-    match concentration(cloth, share) > LONE * (0.01 / rest(cloth, share)).sqrt() {
-        true => near_pins,
-        false => of_most,
-    }
+    if concentration(cloth, share) > LONE * (0.01 / rest(cloth, share)).sqrt() { near_pins } else { of_most }
 }
 
 #[cfg(test)]

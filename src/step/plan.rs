@@ -16,8 +16,8 @@ use crate::multigrid::hierarchy::Level;
 use crate::options::{Contact, Method, Options};
 use crate::step::bodies::moving;
 use crate::step::coefficients::Coefficients;
-use crate::step::load::acceleration;
-use crate::step::motion::{Motion, Place};
+use crate::step::load::loading_acceleration;
+use crate::step::motion::{Motion, Whereabouts};
 
 /// What a step follows from.
 #[derive(Debug, Clone, Copy)]
@@ -74,7 +74,7 @@ pub(crate) struct Plan<'a> {
     pub meshes: &'a [MeshBody],
     /// Where the cloth may be, as far as that is known without reading it from a GPU.
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the CPU has the positions"))]
-    pub place: Option<Place>,
+    pub whereabouts: Option<Whereabouts>,
     /// The pins that follow targets, sorted by vertex.
     pub pins: &'a [Pin],
     /// Where the step starts for all pins (m, in local coordinates), in the order of [`Cloth::pinned`].
@@ -99,13 +99,13 @@ impl StepInputs<'_> {
     /// Substep number `index`.
     fn substep(&self, index: u32) -> Substep {
         let h = self.coefficients.length.h;
-        let drag = f64::from(self.attributes.damping);
+        let damping = f64::from(self.attributes.damping);
         let (last, unit) = if index == 0 { (self.motion.h, self.motion.unit()) } else { (h, h) };
         // The kick lasts from the middle of the last substep to the middle of this one, and is exact for linear drag.
         let kick = 0.5 * (f64::from(last) + f64::from(h));
-        let gain = if drag > 0.0 { -(-drag * kick).exp_m1() / drag } else { kick };
+        let gain = if damping > 0.0 { -(-damping * kick).exp_m1() / damping } else { kick };
         Substep {
-            carry: ((-drag * kick).exp() * f64::from(h) / f64::from(unit)) as f32,
+            carry: ((-damping * kick).exp() * f64::from(h) / f64::from(unit)) as f32,
             gain: (gain * f64::from(h)) as f32,
             rate: 1.0 / unit,
             start: index as f32 / self.substeps as f32,
@@ -142,8 +142,9 @@ impl StepInputs<'_> {
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
             drift: drift.to_array(),
-            load: acceleration(cloth, attributes, drift / coefficients.length.h) as f32,
+            load: loading_acceleration(cloth, attributes, drift / coefficients.length.h) as f32,
             checks: 1,
+            up: (-attributes.gravity.as_dvec3().normalize_or_zero()).as_vec3().to_array(),
             // No limit is set until [`Watch`](crate::step::watch::Watch) sets one.
             longest_edge: f32::MAX,
             ..Params::default()
@@ -218,7 +219,7 @@ impl<'a> Plan<'a> {
             bodies_and_anchors: &buffers.bodies,
             anchors,
             meshes: &buffers.meshes,
-            place: None,
+            whereabouts: None,
             pins: &buffers.pins,
             pins_from: &motion.pins,
             method: options.method,
@@ -235,15 +236,25 @@ impl<'a> Plan<'a> {
         Plan { gauges: Some(self.cloth.gauges()), ..self }
     }
 
+    /// The same step without analytic colliders.
+    pub(crate) fn without_bodies(&self) -> Plan<'a> {
+        Plan { bodies: &[], bodies_and_anchors: self.anchors, params: Params { bodies: 0, ..self.params }, ..*self }
+    }
+
     /// Whether triangles can touch: the cloth's own, or those of mesh colliders.
     pub(crate) fn has_contact(&self) -> bool {
         self.contact.is_some() || !self.meshes.is_empty()
     }
 
     /// Whether forces act that differ from vertex to vertex. A new kind of force must be added here.
-    #[cfg(feature = "gpu")]
     pub(crate) fn has_forces(&self) -> bool {
         self.bending || self.air || self.method == Method::Springs
+    }
+
+    /// Whether any of them depends on velocities; a new one must be added here, too.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn forces_read_velocities(&self) -> bool {
+        self.air || self.bending && self.damped()
     }
 
     /// Whether coarse edges also push (`distance::hold_coarse`).

@@ -49,7 +49,6 @@ pub(crate) struct Length {
     pub changes: u32,
 }
 
-recorded!(Division { substeps, length });
 recorded!(Length { h, longest_h, softest_h, resolved } but { changes });
 
 impl Length {
@@ -103,7 +102,8 @@ impl Rates {
         cloth: &Cloth,
         options: &Options,
         dt: f32,
-        [rate, softest]: [f64; 2],
+        rate: f64,
+        softest: f64,
     ) -> Result<Division, StepError> {
         let sweeps = if let Method::Relaxation { iterations } = options.method { f64::from(iterations) } else { 1.0 };
         // A step may exceed a whole number of substeps by rounding errors without taking one more.

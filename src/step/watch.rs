@@ -18,14 +18,14 @@
 //!
 //! An instability grows by a factor per substep, so a tighter bound would detect it only a few substeps earlier.
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
 use crate::attributes::Attributes;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
 use crate::options::{Method, Options};
 use crate::record::recorded;
-use crate::step::load::{Fastest, pressure};
+use crate::step::load::{Fastest, ambient_acceleration, pressure};
 use crate::step::substep_count::{Length, Rates};
 
 /// Factor between what can be explained and the bound.
@@ -119,7 +119,8 @@ impl Watch {
 
     /// Adds a step of `dt` (s).
     pub(crate) fn with_step(&self, attributes: &Attributes, dt: f64, moved: &Fastest) -> Watch {
-        let wind = attributes.wind.as_dvec3().length();
+        let is_windy = attributes.air_density > 0.0 || attributes.damping > 0.0;
+        let wind = if is_windy { attributes.wind.as_dvec3().length() } else { 0.0 };
         let fastest = self.fastest.max(wind).max(moved.any_pin).max(moved.any_collider);
         let fallen = self.fallen + attributes.gravity.as_dvec3().length() * dt;
         let gone = self.gone + moved.any_collider * dt;
@@ -138,7 +139,7 @@ impl Watch {
             return Bounds { speed, ..Bounds::default() };
         }
         let stress = TRANSIENT
-            * (cloth.density * attributes.gravity.as_dvec3().length() + pressure(attributes))
+            * (cloth.density * ambient_acceleration(attributes, Vec3::ZERO) + pressure(attributes))
             * cloth.sides.max_element();
         let stretch = extent * (stress / self.softest + explained / self.wave)
             + longest * rates.strain(stress, f64::from(length.longest_h));

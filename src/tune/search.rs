@@ -99,10 +99,7 @@ impl<'a> Search<'a> {
         let chaotic = floor > 0.5 * self.tolerance;
         let distance = if chaotic { Distance::Spread } else { Distance::Vertices };
         let floor = apart(distance);
-        self.tolerance = match chaotic {
-            true => self.tolerance.max(1.5 * floor),
-            false => (self.tolerance.powi(2) - floor.powi(2)).sqrt(),
-        };
+        self.tolerance = if chaotic { self.tolerance.max(1.5 * floor) } else { (self.tolerance.powi(2) - floor.powi(2)).sqrt() };
         let trial = Trial { error: floor as f32, checked: floor as f32, ..self.noted(resolved, &clip) };
         self.judge = Judge::Position(distance, clip);
         self.trials.push(trial);
@@ -150,10 +147,7 @@ impl<'a> Search<'a> {
             (missed, kept) = (kept, kept.saturating_mul(2).min(most));
         }
         while missed == 0 && kept > 1 {
-            match self.try_out(setting.with_substeps(kept / 2))? {
-                true => kept /= 2,
-                false => missed = kept / 2,
-            }
+            if self.try_out(setting.with_substeps(kept / 2))? { kept /= 2 } else { missed = kept / 2 }
         }
         let between = (f64::from(kept) * f64::from(missed)).sqrt().round() as u32;
         if between > missed && between < kept {

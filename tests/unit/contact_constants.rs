@@ -24,6 +24,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("SEPARATES", Literal::F32(plane::SEPARATES)),
         ("PARALLEL", Literal::F32(pair::PARALLEL)),
         ("LASTS", Literal::F32(paths::LASTS)),
+        ("LASTS_CROSSED", Literal::F32(paths::LASTS_CROSSED)),
         ("MARGIN_DECAY", Literal::F32(paths::MARGIN_DECAY)),
         ("MIN_AHEAD", Literal::F32(paths::AHEAD[0])),
         ("MAX_AHEAD", Literal::F32(paths::AHEAD[1])),

@@ -107,7 +107,7 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
     });
     let mut arrays = ForceArrays::default();
     let tiles = [0..400, 400..count as u32];
-    arrays.pack(plan, [plan.bending, plan.air], &tiles, width);
+    arrays.pack(plan, plan.bending, plan.air, &tiles, width);
     let (shared_x, shared_u) = (SharedArray::new(x.room()), SharedArray::new(u.room()));
     let forces = arrays.share(plan, &shared_x, &shared_u, width);
     let (task, substep): (Task, &Substep) = (Task::alone(), &plan.substeps[0]);
@@ -129,7 +129,7 @@ fn predicted(plan: &Plan<'_>, width: Width) -> Vec<Vec4> {
         each_tile(&|tile| integrator.fall(&task, tile, substep));
     }
     if plan.air {
-        each_tile(&|tile| forces.add_wind_and_springs(&task, tile, substep));
+        each_tile(&|tile| forces.add_air_and_springs(&task, tile, substep));
     }
     u.to_vec()
 }

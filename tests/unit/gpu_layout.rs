@@ -44,7 +44,7 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest_edge, tethers, load, checks, used }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest_edge, tethers, load, checks, used, up, padding }),
         layout!(Substep { carry, gain, rate, start, end }),
         layout!(Defects { lost, long, fast, energy, hot, stopped, steps }),
         layout!(Span { start, end }),

@@ -13,8 +13,9 @@ var<workgroup> samples: array<vec3f, SAMPLES>;
 
 // Number of vertices from which the common deviation is estimated.
 const SAMPLES: u32 = 32u;
-// Number of substeps for which a vertex should stay close to its path.
-const LASTS: f32 = 12.0;
+// Number of substeps for which a vertex should stay close to its path; the second while anything crosses.
+const LASTS: f32 = 16.0;
+const LASTS_CROSSED: f32 = 12.0;
 // Range of the number of substeps that detection looks ahead, and the factor by which it grows.
 const MIN_AHEAD: f32 = 6.0;
 const MAX_AHEAD: f32 = 64.0;
@@ -188,7 +189,8 @@ fn begin_substep() {
         let is_long = listed > 4u * (contact_params.all_vertices + was_near);
         contact_state.status.longer = -1.0;
         if over >= 0.0 && !is_short {
-            contact_state.status.longer = pow(max(LASTS / (over + 1.0), 1.0), 1.5);
+            let crosses = contact_params.ignored + contact_params.ignored_edges > 0u;
+            contact_state.status.longer = pow(max(select(LASTS, LASTS_CROSSED, crosses) / (over + 1.0), 1.0), 1.5);
         }
         contact_state.status.over = over + 1.0;
         var ahead = MIN_AHEAD;

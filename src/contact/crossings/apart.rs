@@ -52,7 +52,7 @@ pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
     for _ in 0..ROUNDS {
         let mut is_apart = true;
         for Pair { corners, weights, normal } in &pairs {
-            let share = corners.map(|vertex| f64::from(u8::from(features.x[vertex as usize].w > 0.0)));
+            let share = corners.map(|vertex| f64::from(features.x[vertex as usize].w > 0.0));
             let distance: f64 =
                 corners.iter().zip(weights).map(|(&vertex, weight)| weight * x[vertex as usize].dot(*normal)).sum();
             let sum: f64 = weights.iter().zip(share).map(|(weight, share)| share * weight * weight).sum();

@@ -33,9 +33,9 @@ use crate::kernels::pair::Kind;
 use crate::simd::{self, Width};
 
 /// Pairs of leaves per task.
-const GRAIN: usize = 32;
+const LEAF_PAIRS_OF_TASK: usize = 32;
 /// Least number of vertices that are worth a part of a loop.
-const GROUP: usize = 256;
+const VERTICES_OF_PART: usize = 256;
 
 /// Limit on the number of pairs of leaves: this many, plus this many per leaf. A heap has tens per leaf; a cloth in a
 /// single point has all pairs.
@@ -150,7 +150,7 @@ impl Detection {
     pub(crate) fn fit(&mut self, input: DetectionInput<'_>, trees: [&mut Tree; 2]) {
         let DetectionInput { surface, path, scope, .. } = input;
         self.middle.resize(path.x.len(), Vec4::ZERO);
-        path.workers.chunks(&mut self.middle, GROUP, |first, middle| {
+        path.workers.chunks(&mut self.middle, VERTICES_OF_PART, |first, middle| {
             (first..).zip(middle).for_each(|(vertex, y)| *y = midpoint(path, scope, vertex));
         });
         for (tree, rests) in trees.into_iter().zip([false, input.bodies_rest]) {
@@ -186,17 +186,17 @@ impl Detection {
         if pairs > MAX_LEAF_PAIRS[0] + (MAX_LEAF_PAIRS[1] << cloth.leaves.depth.max(bodies.leaves.depth)) {
             return Err(pairs);
         }
-        let tasks = own.len().div_ceil(GRAIN) + across.len().div_ceil(GRAIN);
+        let tasks = own.len().div_ceil(LEAF_PAIRS_OF_TASK) + across.len().div_ceil(LEAF_PAIRS_OF_TASK);
         self.findings.resize_with(self.findings.len().max(tasks), Finding::default);
-        let (findings, left) = self.findings[..tasks].split_at_mut(own.len().div_ceil(GRAIN));
+        let (findings, left) = self.findings[..tasks].split_at_mut(own.len().div_ceil(LEAF_PAIRS_OF_TASK));
         let (cloth, bodies, middle, boxes) = (&*cloth, &*bodies, &self.middle, &self.boxes);
         let ranges = ranges(&input);
         let (listed_in_all, most) = (AtomicUsize::new(0), max_listed(path.x.len()));
         for (leaves, findings, other) in [(&*own, findings, cloth), (&*across, left, bodies)] {
             let part = path.workers.small_part(findings.len());
-            let parts = findings.chunks_mut(part).zip(leaves.chunks(part * GRAIN));
+            let parts = findings.chunks_mut(part).zip(leaves.chunks(part * LEAF_PAIRS_OF_TASK));
             path.workers.each(parts, |(findings, leaves)| {
-                for (Finding { near, found }, leaves) in findings.iter_mut().zip(leaves.chunks(GRAIN)) {
+                for (Finding { near, found }, leaves) in findings.iter_mut().zip(leaves.chunks(LEAF_PAIRS_OF_TASK)) {
                     if listed_in_all.load(Ordering::Relaxed) > most {
                         return;
                     }

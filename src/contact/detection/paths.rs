@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec3A, Vec4};
 
-use crate::contact::GRAIN;
+use crate::contact::VERTICES_OF_PART;
 use crate::contact::input::Path;
 use crate::contact::surface::Surface;
 use crate::kernels::integrate::xyz;
@@ -13,7 +13,10 @@ use crate::record::recorded;
 use crate::simd::{self, Loop, Registers, Width};
 
 /// Number of substeps for which a vertex should stay close to its path, extrapolated from how far it strayed before.
-pub(crate) const LASTS: f32 = 12.0;
+pub(crate) const LASTS: f32 = 16.0;
+/// The same while anything crosses: pairs that cross are let go and held again when detection runs, and with fewer detections cloth snaps
+/// free at several times the speed.
+pub(crate) const LASTS_CROSSED: f32 = 12.0;
 /// Least share of the last margin that a new margin keeps.
 pub(crate) const MARGIN_DECAY: f32 = 0.8;
 /// Range of the number of substeps that detection looks ahead.
@@ -47,6 +50,14 @@ pub(crate) struct Paths {
 }
 
 recorded!(Paths { from, by, margin, ahead, since, renewed });
+
+/// What is known of the last list of pairs: whether it is short or long, and whether anything crosses.
+#[derive(Clone, Copy)]
+pub(crate) struct Last {
+    pub is_short: bool,
+    pub is_long: bool,
+    pub crosses: bool,
+}
 
 impl Paths {
     /// Becomes other paths, in its own buffers.
@@ -96,7 +107,7 @@ impl Paths {
         let (substeps, [common, _]) = (since + 1.0, self.common(path, floats));
         let all = AtomicBool::new(true);
         let test = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
-        let (count, part) = (path.x.len(), path.workers.part(path.x.len(), GRAIN));
+        let (count, part) = (path.x.len(), path.workers.part(path.x.len(), VERTICES_OF_PART));
         let state = path.x.chunks(part).zip(path.u.chunks(part));
         let paths = self.from[..count].chunks(part).zip(self.by[..count].chunks(part));
         path.workers.each(state.zip(paths), |((x, u), (from, by))| test([x, u, from, by]));
@@ -169,17 +180,19 @@ impl Paths {
     }
 
     /// Chooses the margin of each vertex from how far it strayed since the last detection, so that the next paths
-    /// last; if the list `is_short`, the margins are the largest that the surface allows. Looks farther ahead if the last paths
-    /// lasted, unless the list `is_long` already.
-    pub(crate) fn adapt(&mut self, path: Path<'_>, is_short: bool, is_long: bool, surface: &Surface, least: f32, floats: bool) {
+    /// last; if the list is short, the margins are the largest that the surface allows. Looks farther ahead if the last paths
+    /// lasted, unless the list is long already.
+    pub(crate) fn adapt(&mut self, path: Path<'_>, last: Last, surface: &Surface, least: f32, floats: bool) {
+        let Last { is_short, is_long, crosses } = last;
         let most = &surface.max_margin;
         let known = self.since.filter(|_| self.from.len() == path.x.len() && !is_short);
         let mut margin = std::mem::take(&mut self.margin);
         margin.resize(path.x.len(), 0.0);
         if let Some(since) = known {
             let [common, _] = self.common(path, floats);
-            let longer = (LASTS / (since + 1.0)).max(1.0).powf(1.5);
-            path.workers.chunks(&mut margin, GRAIN, |first, margin| {
+            let lasts = if crosses { LASTS_CROSSED } else { LASTS };
+            let longer = (lasts / (since + 1.0)).max(1.0).powf(1.5);
+            path.workers.chunks(&mut margin, VERTICES_OF_PART, |first, margin| {
                 for (vertex, margin) in (first..).zip(margin) {
                     let far = (self.strayed_by(path, vertex) - common).length() * longer;
                     *margin = far.max(MARGIN_DECAY * *margin).clamp(least.min(most[vertex]), most[vertex]);

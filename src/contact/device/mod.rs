@@ -95,7 +95,7 @@ impl HostContact {
     /// [`CommonMotion::columns`]. The center's displacement is that in the whole step.
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
-        let near = |motion: &[Vec3; 2]| plan.place.is_none_or(|place| is_near(*motion, [place.low, place.high]));
+        let near = |motion: &[Vec3; 2]| plan.whereabouts.is_none_or(|cloth| is_near(*motion, [cloth.low, cloth.high]));
         let of_meshes = motions(plan).filter(near).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
         let turning =
             CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.surface.thickness).unwrap_or_default();
@@ -138,10 +138,7 @@ impl HostContact {
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>, is_new: bool) -> Option<Vec<Vec4>> {
         let mut x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
         self.crossings.are_all = self.crossings.are_all && !self.kinematics_cross(plan);
-        let moved = match !self.crossings.are_all && is_new {
-            true => KnownCrossings::part_touches(self.posed(&x)),
-            false => Vec::new(),
-        };
+        let moved = if !self.crossings.are_all && is_new { KnownCrossings::part_touches(self.posed(&x)) } else { Vec::new() };
         moved.iter().for_each(|&(vertex, at)| x[vertex as usize] = at);
         self.search(&x);
         x.truncate(plan.cloth.rest.len());

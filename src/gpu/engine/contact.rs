@@ -35,7 +35,7 @@ impl GpuEngine {
         meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone,
     ) -> Result<Option<Replaced<GpuContact>>, GpuFault> {
         let is_wanted = contact.is_some() || meshes.len() > 0;
-        let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.on_cpu.bodies.are(meshes.clone()));
+        let is_there = self.contact.as_ref().map_or(!is_wanted, |there| is_wanted && there.on_cpu.bodies.are_of(meshes.clone()));
         if is_there {
             return Ok(None);
         }
@@ -57,8 +57,12 @@ impl GpuEngine {
         let meshes = plan.meshes.iter().map(|body| &body.from);
         let replaced = self.prepare_contact(plan.cloth, plan.contact, meshes)?;
         let stepped = if self.contact.is_some() { self.step_with_contact(plan) } else { self.step_alone(plan) };
-        if let (Err(_), Some(Replaced(before))) = (&stepped, replaced) {
+        if let (Err(failure), Some(Replaced(before))) = (&stepped, replaced) {
             self.contact = before;
+            // An earlier step has failed, and this is the contact of its end.
+            if matches!(failure, Failure::Unstable { .. }) {
+                self.contact.iter_mut().for_each(|contact| contact.forget());
+            }
         }
         stepped
     }
@@ -105,8 +109,8 @@ impl GpuEngine {
         if searched {
             self.find_crossings(plan)?;
         }
-        let params = Params { bodies: 0, checks: 0, ..plan.params };
-        let swept = Plan { bodies: &[], bodies_and_anchors: plan.anchors, params, ..*plan };
+        let swept = plan.without_bodies();
+        let swept = Plan { params: Params { checks: 0, ..swept.params }, ..swept };
         let begun = gpu.checked(|| {
             self.prepare(&swept, false);
             Gpu::refused()?;

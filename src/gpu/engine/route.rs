@@ -11,8 +11,10 @@ use crate::model::cloth::Cloth;
 use crate::options::Method;
 use crate::step::plan::Plan;
 
-/// Limit on the sweeps in one dispatch, because drivers reset a device that is busy with one dispatch for seconds.
+/// Limit on the sweeps in one dispatch, because drivers reset a device that is busy with one dispatch for seconds. A sweep of
+/// more than `COLORS` colors, as of a fan, counts as several.
 const LONGEST_DISPATCH: u32 = 2048;
+const COLORS: usize = 32;
 /// Number of vertices up to which one workgroup is faster than many.
 const SMALL: usize = 1024;
 /// Number of workgroups, with a tile each, that keep a large GPU busy, and the range of a tile's own vertices.
@@ -50,10 +52,10 @@ impl GpuEngine {
     /// Prepares for steps in one workgroup, if the cloth fits, with everything that this step and earlier ones use.
     pub(super) fn make_single_workgroup(&mut self, plan: &Plan<'_>) {
         let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
-        let [bends, blows] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
-        let wanted = [bends || plan.bending, blows || plan.air];
+        let [bends, air] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
+        let wanted = [bends || plan.bending, air || plan.air];
         let has_levels = |single: &SingleWorkgroup| plan.levels.is_empty() || single.has_levels();
-        let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, blows]);
+        let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, air]);
         if !there && plan.method != Method::Springs {
             let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: None };
             let made = SingleWorkgroup::new(gpu, plan.cloth, plan.levels, wanted, bound);
@@ -126,7 +128,8 @@ impl GpuEngine {
         // There and back in shells and tubes.
         let ways = 1 + u32::from(plan.cloth.sweeps_back);
         let sweeps = ways * plan.params.sweeps + 4 * plan.params.levels.min(1) + passes + u32::from(plan.air);
-        let lasts = plan.params.substeps.saturating_mul(sweeps);
+        let colors = plan.cloth.colors.len().div_ceil(COLORS) as u32;
+        let lasts = plan.params.substeps.saturating_mul(sweeps).saturating_mul(colors);
         let pays = (crowd || plan.cloth.rest.len() <= SMALL) && self.may_be_small(plan, crowd);
         match (&self.sweep, &self.single_workgroup) {
             (_, Some(single)) if pays && !plan.has_contact() && lasts <= LONGEST_DISPATCH && single.does(plan) => {

@@ -53,8 +53,7 @@ impl GpuEngine {
     pub(crate) fn past(&mut self) -> Result<Past, Failure> {
         let GpuEngine { gpu, commit, counter, contact, .. } = self;
         gpu.checked(|| {
-            let staging = gpu.staging("found", commit.found.size());
-            let found = gpu.read(&staging, &[&commit.found], bytemuck::pod_read_unaligned::<Defects>)?;
+            let found = commit.read_found(gpu)?;
             let pending = counter.as_mut().map_or(Ok(Vec::new()), |counter| counter.pending(gpu))?;
             let contact = contact.as_ref().map(|contact| contact.past(gpu)).transpose()?;
             Ok(Past { steps: found.steps, pending, contact })

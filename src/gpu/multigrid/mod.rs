@@ -103,7 +103,7 @@ impl Multigrid {
         let mut bound_by_all = groups(&forces.states, |from, _| bound(&from.x, &from.p));
         bound_by_all.extend(groups(&forces.states, |from, _| bound(&from.x, &forces.u)));
         let restrict = |of_vertices: bool, each: usize| {
-            let constants = [("OF_VERTICES", f64::from(u8::from(of_vertices))), ("EACH", each as f64)];
+            let constants = [("OF_VERTICES", f64::from(of_vertices)), ("EACH", each as f64)];
             let entry = Entry { shader: shaders::RESTRICT, name: "restrict_level", constants: &constants };
             Stage::new(gpu, &forces.uniforms, entry, &bound_by_all)
         };

@@ -16,7 +16,7 @@ pub(crate) const BEND_VECTORS: usize = 6;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ForceTable {
     pub bends: bool,
-    pub blows: bool,
+    pub air: bool,
     /// In words.
     bending: usize,
     wind: usize,
@@ -25,7 +25,7 @@ pub(crate) struct ForceTable {
 
 impl ForceTable {
     /// Appends the data of the forces to a table. [`ForceTable::send`] fills in the passes and rows, which depend on the substep.
-    pub(crate) fn push(table: &mut Vec<u32>, cloth: &Cloth, [bends, blows]: [bool; 2]) -> ForceTable {
+    pub(crate) fn push(table: &mut Vec<u32>, cloth: &Cloth, [bends, air]: [bool; 2]) -> ForceTable {
         let (vertices, bending) = (cloth.rest.len(), table.len());
         if bends {
             let entries = &cloth.bending().entries;
@@ -33,29 +33,31 @@ impl ForceTable {
             push_rings(table, vertices, |v| entries.of(v as u32), |vertex| vertex);
         }
         let wind = table.len();
-        let panels = if blows { cloth.panels().panels.len() } else { 0 };
-        if blows {
+        let panels = if air { cloth.panels().panels.len() } else { 0 };
+        if air {
             let around = &cloth.panels().around;
             cloth.panels().panels.iter().for_each(|panel| table.extend(bytemuck::cast_slice::<_, u32>(&[*panel])));
             let list = |v: usize| around.of(v as u32).iter().map(|&panel| [panel]);
             push_slices(table, vertices, list, |_| [panels as u32]);
         }
-        ForceTable { bends, blows, bending, wind, panels }
+        ForceTable { bends, air, bending, wind, panels }
     }
 
     /// The number of vectors that the forces store.
     pub(crate) fn vectors(&self, vertices: usize) -> usize {
         let bent = if self.bends { BEND_VECTORS * vertices } else { 0 };
-        bent + if self.blows { self.panels + 1 } else { 0 }
+        bent + if self.air { self.panels + 1 } else { 0 }
     }
 
     /// The values of the shader's overrides.
     pub(crate) fn constants(&self) -> [(&'static str, f64); 5] {
-        let flags = [("BENDS", self.bends), ("BLOWS", self.blows)].map(|(name, is)| (name, f64::from(u8::from(is))));
-        let words = [("BENDING", self.bending), ("WIND", self.wind), ("PANELS", self.panels)];
-        let [bending, wind, panels] = words.map(|(name, word)| (name, word as f64));
-        let [bends, blows] = flags;
-        [bends, blows, bending, wind, panels]
+        [
+            ("BENDS", f64::from(self.bends)),
+            ("AIR", f64::from(self.air)),
+            ("BENDING", self.bending as f64),
+            ("WIND", self.wind as f64),
+            ("PANELS", self.panels as f64),
+        ]
     }
 
     /// Writes the passes and rows of a plan to a table.

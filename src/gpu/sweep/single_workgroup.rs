@@ -105,7 +105,7 @@ impl SingleWorkgroup {
 
     /// Whether it includes bending, and wind.
     pub(crate) fn forces(&self) -> [bool; 2] {
-        [self.forces.bends, self.forces.blows]
+        [self.forces.bends, self.forces.air]
     }
 
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>) {
@@ -125,8 +125,8 @@ impl SingleWorkgroup {
     /// Whether it includes everything that a step uses.
     pub(crate) fn does(&self, plan: &Plan<'_>) -> bool {
         let has_levels = plan.params.levels == 0 || self.has_levels();
-        let [bends, blows] = self.forces();
-        has_levels && (bends || !plan.bending) && (blows || !plan.air) && plan.method != Method::Springs
+        let [bends, air] = self.forces();
+        has_levels && (bends || !plan.bending) && (air || !plan.air) && plan.method != Method::Springs
     }
 
     /// Encodes the dispatch of a step.

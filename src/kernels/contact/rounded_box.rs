@@ -47,9 +47,8 @@ pub(super) fn contact_box<L: Lanes>(
     let shape = RoundedBox { core, radius };
     let before = shape.gap(y).distance;
     let size = Vec3A::from(body.a).abs().max_element() + core.max_element() + radius;
-    let up = Vec3A::from(params.acceleration).normalize_or_zero() * -1.0;
-    let level = Level { up: Quat::from_vec4(ends).inverse() * up, rounding: ROUNDING * size };
-    let (mut n, mut after, slides) = box_end(y, dy, core, core_step, radius, &level);
+    let ground = Ground { up: Quat::from_vec4(ends).inverse() * Vec3A::from(params.up), rounding: ROUNDING * size };
+    let (mut n, mut after, slides) = box_end(y, dy, core, core_step, radius, &ground);
     let thin = SWEPT * (core.min_element() + radius);
     let travel2 = dy.dot(dy);
     let is_fast = L::and(L::splat(-thin).lt(before), L::splat(thin * thin).lt(travel2));
@@ -87,7 +86,7 @@ fn box_end<L: Lanes>(
     core: Vec3A,
     core_step: Vec3A,
     radius: f32,
-    level: &Level,
+    ground: &Ground,
 ) -> (Vector<L>, L, L::Mask) {
     let end = y + dy;
     let side = toward(end);
@@ -102,7 +101,7 @@ fn box_end<L: Lanes>(
     let (mut axis, mut slides) = (farthest(beyond), is_inside);
     if L::any(is_inside) {
         let start = side.times(y) - splat(core + radius);
-        let (through, is_along) = entered(start, side.times(dy) - splat(core_step), beyond, side, level);
+        let (through, is_along) = entered(start, side.times(dy) - splat(core_step), beyond, side, ground);
         axis = Vector::select(is_inside, through, axis);
         slides = L::and(is_inside, is_along);
     }
@@ -113,7 +112,7 @@ fn box_end<L: Lanes>(
 }
 
 /// What tells a face on which cloth lies from one that another box hides.
-struct Level {
+struct Ground {
     /// The direction opposite to gravity, in the frame of the box; 0 without gravity.
     up: Vec3A,
     /// A vertex so far (m) inside a face's plane may lie on it.
@@ -134,12 +133,12 @@ fn entered<L: Lanes>(
     away: Vector<L>,
     beyond: Vector<L>,
     side: Vector<L>,
-    level: &Level,
+    ground: &Ground,
 ) -> (Vector<L>, L::Mask) {
-    let (zero, rounding) = (L::splat(0.0), L::splat(level.rounding));
+    let (zero, rounding) = (L::splat(0.0), L::splat(ground.rounding));
     let way = away.length();
     let pressed = way * L::splat(-PRESSED);
-    let (nearest, up) = (farthest(beyond), side.times(splat(level.up)));
+    let (nearest, up) = (farthest(beyond), side.times(splat(ground.up)));
     let ranks = Vector::new(
         rank(start.x, away.x, beyond.x, up.x, nearest.x, way, rounding),
         rank(start.y, away.y, beyond.y, up.y, nearest.y, way, rounding),
