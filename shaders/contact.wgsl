@@ -18,6 +18,7 @@ struct Body {
 const PLANE: u32 = 0u;
 const BOX: u32 = 2u;
 const DEPENETRATION: f32 = 1.0;
+const INSIDE: f32 = 1e-5;
 const SWEPT: f32 = 0.25;
 const SWEEP_STEPS: u32 = 24u;
 // A path touches a body at less than this share of its radius, or of half a box's thickness.
@@ -30,10 +31,14 @@ const WAS_OUTSIDE: f32 = 8.0;
 const SLID: f32 = 4.0;
 const CARRIES: f32 = 2.0;
 
-// The position of a vertex and its displacement in this substep.
+// A vertex among the bodies that it may touch in a substep: its position, moved out of them so far, its displacement, its position
+// before, the displacement there of the body with the most friction of those so far that it began inside of, and its friction.
 struct Path {
     x: vec3f,
     u: vec3f,
+    start: vec3f,
+    holder_step: vec3f,
+    grasp: f32,
 }
 
 // The first touch of a path with a surface: the normal there, and the gap between the path's end and the tangent plane.
@@ -107,20 +112,41 @@ fn swept(x: vec3f, du: vec3f, a: vec3f, b: vec3f, radius_a: f32, taper: f32, tra
     return Touch(false, vec3f(), 0.0);
 }
 
-fn respond(x: vec3f, u: vec3f, contact: ContactPoint, friction: f32) -> Path {
+fn path_of(x: vec3f, u: vec3f) -> Path {
+    return Path(x, u, x, vec3f(), 0.0);
+}
+
+fn respond(path: Path, contact: ContactPoint, friction: f32) -> Path {
     let n = contact.n;
     // Not of a gap that is not a number, either.
     if !(contact.after < 0.0) {
-        return Path(x, u);
+        return path;
     }
     let depth = -contact.after;
     let old = min(depth, max(-contact.before, 0.0));
     let push = depth - old;
-    let pushed = u + n * push;
+    let pushed = path.u + n * push;
     let relative = pushed - contact.step;
     let slip = relative - n * dot(n, relative);
-    let held = pushed - slip * min(friction * contact.grip * push / max(length(slip), 1e-30), 1.0);
-    return Path(x + n * min(old, DEPENETRATION * params.h), held);
+    let grip = friction * contact.grip;
+    let share = grip * push / max(length(slip), 1e-30);
+    let freed = min(old, DEPENETRATION * params.h);
+    let out = path.x + n * freed;
+    var after = Path(out, pushed - slip * min(share, 1.0), path.start, path.holder_step, path.grasp);
+    if freed > INSIDE {
+        if grip > path.grasp {
+            after.holder_step = contact.step;
+            after.grasp = grip;
+        }
+        let moved = path.x - path.start;
+        if dot(n, moved) < -INSIDE && after.grasp > 0.0 {
+            let slid = moved - n * dot(n, moved);
+            let sticks = after.holder_step - pushed;
+            after.x = out - slid * min(after.grasp * freed / max(length(slid), 1e-30), 1.0);
+            after.u = pushed + sticks - n * dot(n, sticks);
+        }
+    }
+    return after;
 }
 
 fn contact_box(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint {
@@ -290,16 +316,16 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     return ContactPoint(n, before, after, step, 1.0);
 }
 
-fn contact_body(x: vec3f, u: vec3f, body: Body, substep: Substep) -> Path {
+fn contact_body(path: Path, body: Body, substep: Substep) -> Path {
     var contact: ContactPoint;
     if body.kind == PLANE {
         let step = body.a_travel * params.fraction;
-        let before = dot(body.b, x - (body.a + body.a_travel * substep.start));
-        contact = ContactPoint(body.b, before, before + dot(body.b, u - step), step, 1.0);
+        let before = dot(body.b, path.x - (body.a + body.a_travel * substep.start));
+        contact = ContactPoint(body.b, before, before + dot(body.b, path.u - step), step, 1.0);
     } else if body.kind == BOX {
-        contact = contact_box(x, u, body, substep);
+        contact = contact_box(path.x, path.u, body, substep);
     } else {
-        contact = contact_round(x, u, body, substep);
+        contact = contact_round(path.x, path.u, body, substep);
     }
-    return respond(x, u, contact, body.friction);
+    return respond(path, contact, body.friction);
 }

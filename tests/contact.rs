@@ -23,6 +23,8 @@ on_every_backend!(
     cloth_falls_on_the_seam_of_level_boxes,
     wind_blows_cloth_over_the_seam_of_level_boxes,
     cloth_slides_down_a_wall_of_boxes,
+    what_two_bodies_squeeze_does_not_fall,
+    a_hand_moves_the_cloth_that_it_presses_on_a_table,
     a_turning_table_carries_the_cloth,
     a_step_of_no_time_does_nothing,
     nothing_tunnels,
@@ -320,6 +322,56 @@ fn cloth_slides_down_a_wall_of_boxes(backend: Backend) {
         fell > 0.99 * least && fell < 1.01 * most && off <= 1e-5,
         "fell by {fell} m, {least} to {most} expected; {off} m off"
     );
+}
+
+/// A sheet between two plates that overlap is held by any friction, and falls freely without; in a gap that is wider than the
+/// cloth, nothing holds it.
+fn what_two_bodies_squeeze_does_not_fall(backend: Backend) {
+    let mut mesh = Mesh::grid(5, 5, 0.1, 0.1);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, -x.z, 0.0));
+    let fallen = |colliders: [Collider; 2], friction: f32, substeps: u32| {
+        let options = Options { backend, quality: Quality::Substeps(substeps), ..Options::default() };
+        let mut deformer = Deformer::new(&mesh, options).unwrap();
+        let colliders = colliders.map(|plate| plate.with_friction(friction)).to_vec();
+        play(&mut deformer, 20, &Attributes { colliders, ..Attributes::default() });
+        -deformer.positions().unwrap().iter().map(|x| x.y).sum::<f32>() / 25.0
+    };
+    let plane = |side: f32, at: f32| Collider::plane(side * at * Vec3::Z, -side * Vec3::Z);
+    let slab =
+        |side: f32, at: f32| Collider::rounded_box(side * (at + 0.5) * Vec3::Z, Vec3::new(2.0, 4.0, 0.5), Quat::IDENTITY, 0.02);
+    let freely = 0.5 * 9.81 / 9.0;
+    for (plate, name) in [(plane as fn(f32, f32) -> Collider, "planes"), (slab, "boxes")] {
+        let plates = |overlap: f32| [1.0, -1.0].map(|side| plate(side, -0.5 * overlap));
+        for (overlap, substeps) in [(1e-4, 5), (1e-3, 20), (1e-2, 20), (1e-2, 80)] {
+            let [held, free] = [0.3, 0.0].map(|friction| fallen(plates(overlap), friction, substeps));
+            println!("{backend:?} {name} that overlap by {overlap} m, S = {substeps}: fell by {held} and {free} of {freely} m");
+            assert!(held.abs() < 1e-4, "{name} that overlap by {overlap} m, S = {substeps}: fell by {held} m");
+            assert!((free / freely - 1.0).abs() < 0.02, "{name} without friction, S = {substeps}: fell by {free} m");
+        }
+        let apart = fallen(plates(-0.02), 0.3, 20);
+        assert!((apart / freely - 1.0).abs() < 0.02, "{name} that are apart: fell by {apart} m");
+    }
+}
+
+/// A ball with a friction of 1 that presses a sheet on a table with less takes it along, whichever comes first in the list.
+fn a_hand_moves_the_cloth_that_it_presses_on_a_table(backend: Backend) {
+    let mut mesh = Mesh::grid(13, 13, 0.3, 0.3);
+    mesh.positions.iter_mut().for_each(|x| x.y = 1e-3);
+    for hand_first in [true, false] {
+        let options = Options { backend, quality: Quality::Substeps(20), ..Options::default() };
+        let mut deformer = Deformer::new(&mesh, options).unwrap();
+        for frame in 0..60 {
+            let (down, along) = ((frame as f32 / 20.0).min(1.0), ((frame as f32 - 25.0) / 30.0).clamp(0.0, 1.0));
+            let center = Vec3::new(0.1 * along * along * (3.0 - 2.0 * along), 0.05 + 0.01 - 0.016 * down, 0.0);
+            let hand = Collider::sphere(center, 0.05).with_friction(1.0).with_id(1);
+            let table = Collider::plane(Vec3::ZERO, Vec3::Y).with_friction(0.3).with_id(2);
+            let colliders = if hand_first { vec![hand, table] } else { vec![table, hand] };
+            deformer.step(FRAME, &Attributes { colliders, ..Attributes::default() }).unwrap();
+        }
+        let moved = deformer.positions().unwrap().iter().map(|x| x.x).sum::<f32>() / 169.0;
+        println!("{backend:?} hand first: {hand_first}; moved by {moved} of 0.1 m");
+        assert!((moved - 0.1).abs() < 2e-3, "hand first: {hand_first}; moved by {moved} of 0.1 m");
+    }
 }
 
 /// A table that rotates ever faster about an upright axis beside its center, and tilts, carries the cloth lying on it:

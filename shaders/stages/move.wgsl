@@ -3,13 +3,13 @@
 
 // `x` holds a vertex's position and inverse mass, `u` its displacement after the sweep.
 fn after_contact(v: u32, x: vec4f, u: vec3f, substep: Substep) -> Path {
-    var path = Path(x.xyz, u);
+    var path = path_of(x.xyz, u);
     if x.w > 0.0 {
         if params.tethers != 0u {
             path.u += held(x.xyz, u, tether_of(v), substep);
         }
         for (var k = 0u; k < params.bodies; k++) {
-            path = contact_body(path.x, path.u, bodies[k], substep);
+            path = contact_body(path, bodies[k], substep);
         }
     }
     return path;

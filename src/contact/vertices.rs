@@ -8,7 +8,7 @@ use super::input::{SubstepContext, Vertex};
 use super::surface::lanes::store;
 use super::{VERTICES_OF_PART, VERTICES_OF_THREAD};
 use crate::kernels::contact::near::NearBodies;
-use crate::kernels::contact::{contact_bodies, contact_body};
+use crate::kernels::contact::{Path, contact_bodies, contact_body};
 use crate::kernels::params::Substep;
 use crate::simd::{self, Loop, MAX_LANES, Registers, load_vectors, store_vectors};
 use crate::step::plan::Plan;
@@ -120,7 +120,7 @@ impl Loop for Collide<'_> {
                 if L::all(clear.of_vertices(at, by)) {
                     continue;
                 }
-                let (_, by) = contact_body(at, by, body, substep, &plan.params);
+                let Path { u: by, .. } = contact_body(Path::new(at, by), body, substep, &plan.params);
                 holds &= near.holds(at, by);
                 let mut held = [Vec4::ZERO; MAX_LANES];
                 store_vectors(L::vectors(by), &mut held);

@@ -94,8 +94,10 @@ impl Deformer {
         let passed_on = sweeps as f32 * self.cloth.longest_edge;
         let pin = outrun(fastest.pin.1, passed_on).filter(|_| self.options.method != Method::Springs);
         let pin = pin.map(|[speed, carried]| Warning::PinOutruns { pin: fastest.pin.0, speed, carried });
-        // Contact lets a vertex follow a collider only as far as it does not come too close to others. Meshes carry what they hit.
-        let thickness = self.options.contact.map_or(f32::INFINITY, |contact| contact.thickness);
+        // Where cloth lies in layers, contact lets a vertex follow a collider only as far as it does not come too close to others.
+        // Meshes carry what they hit.
+        let in_layers = self.engine.contact().is_some_and(|tally| tally.near > 0);
+        let thickness = self.options.contact.filter(|_| in_layers).map_or(f32::INFINITY, |contact| contact.thickness);
         let limits = [(fastest.solid, passed_on.min(thickness)), (fastest.collider, passed_on)];
         let collider = limits.into_iter().filter(|(_, length)| *length > 0.0).find_map(|((collider, speed), length)| {
             outrun(speed, length).map(|[speed, carried]| Warning::ColliderOutruns { collider, speed, carried })

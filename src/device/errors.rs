@@ -19,8 +19,9 @@ impl Gpu {
     /// memory), what [`Gpu::make`] refused, and failures due to a lost device, which wgpu does not report itself. In a
     /// browser, device errors appear in its console instead.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
-        // A thread that waits for others in the work of one cloth may meanwhile be given that of another.
-        let outer = (REFUSED.take(), Pipeline::take_pending());
+        // A thread that waits for others in the work of one cloth may meanwhile be given that of another. A refusal stays
+        // known within, because what was refused must not be used.
+        let outer = (REFUSED.get(), Pipeline::take_pending());
         let (result, fault) = scoped(self.device(), work);
         let cause = self.cause(fault, result.as_ref().err());
         REFUSED.set(outer.0);

@@ -51,6 +51,9 @@ pub(crate) const BOX: u32 = 2;
 
 /// Speed (m/s) at which a vertex that began a substep inside a body is pushed out.
 pub(crate) const DEPENETRATION: f32 = 1.0;
+/// A vertex that begins a substep deeper (m) inside a body than this, which exceeds rounding errors, may be squeezed between it and
+/// another.
+pub(crate) const INSIDE: f32 = 1e-5;
 /// A vertex that moves in a substep by more than this share of a body's radius, or of half a box's thickness, is tested
 /// along its path (continuous collision detection).
 pub(crate) const SWEPT: f32 = 0.25;
@@ -58,6 +61,25 @@ pub(crate) const SWEPT: f32 = 0.25;
 pub(crate) const SWEEP_STEPS: u32 = 24;
 /// A path touches a body at less than this share of its radius, or of half a box's thickness.
 pub(crate) const TOUCHING: f32 = 0.001;
+
+/// Vertices among the bodies that they may touch in a substep.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Path<L> {
+    /// Their positions (m), moved out of the bodies so far, and their displacements (m).
+    pub x: Vector<L>,
+    pub u: Vector<L>,
+    /// Their positions before.
+    start: Vector<L>,
+    /// The displacement (m) there of the body with the most friction of those so far that they began inside of, and its friction.
+    holder_step: Vector<L>,
+    grasp: L,
+}
+
+impl<L: Lanes> Path<L> {
+    pub(crate) fn new(x: Vector<L>, u: Vector<L>) -> Path<L> {
+        Path { x, u, start: x, holder_step: Vector::zero(), grasp: L::splat(0.0) }
+    }
+}
 
 /// Resolves the collisions of vertices with one body after the other, where they are free to move. Returns `(x, u)` afterwards, or
 /// none if the vertices surely touch no body.
@@ -70,23 +92,24 @@ pub(crate) fn contact_bodies<L: Lanes>(
     substep: &Substep,
     params: &Params,
 ) -> Option<(Vector<L>, Vector<L>)> {
-    let (mut at, mut by, mut is_clear) = (x, u, true);
+    let (mut path, mut is_clear) = (Path::new(x, u), true);
     let mut visit = near.visit(substep, params);
     while let Some((body, clear)) = visit.next() {
-        if L::all(clear.of_vertices(at, by)) {
+        if L::all(clear.of_vertices(path.x, path.u)) {
             continue;
         }
-        let (out, held) = contact_body(at, by, body, substep, params);
-        (at, by) = (Vector::select(is_free, out, at), Vector::select(is_free, held, by));
+        let out = contact_body(path, body, substep, params);
+        (path.x, path.u) = (Vector::select(is_free, out.x, path.x), Vector::select(is_free, out.u, path.u));
+        (path.holder_step, path.grasp) = (out.holder_step, out.grasp);
         is_clear = false;
-        if !near.holds(at, by) {
+        if !near.holds(path.x, path.u) {
             visit.visit_all();
         }
     }
-    (!is_clear).then_some((at, by))
+    (!is_clear).then_some((path.x, path.u))
 }
 
-/// Resolves the collision of vertices at `x`, about to move by `u`, with one body. Returns `(x, u)` afterwards.
+/// Resolves the collision of vertices with one body. Returns their path afterwards.
 ///
 /// The gap is computed from displacements, so that its rounding error is relative to `u`, not to `x`. Computed from
 /// positions it would lose part of `h² g` at hundreds of substeps, and with it part of the friction (0.4 % of the
@@ -94,15 +117,14 @@ pub(crate) fn contact_bodies<L: Lanes>(
 /// which the vertex already was inside is removed from `x` at a bounded speed, which adds no velocity. The remaining
 /// depth is removed from `u`, and Coulomb friction, relative to the body's motion, is proportional to it. The path of a
 /// fast vertex is tested for the first touch.
+///
+/// What two bodies squeeze is pushed by each into the other, so that all depth is old and no force is known, while that of rigid
+/// bodies has no limit. So it sticks to the one with more friction, and friction also resists the way that one pushes it
+/// along the other: between surfaces that meet at more than twice the angle of friction it slips out.
 // Code for the web is small instead.
 #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
-pub(crate) fn contact_body<L: Lanes>(
-    x: Vector<L>,
-    u: Vector<L>,
-    body: &Body,
-    substep: &Substep,
-    params: &Params,
-) -> (Vector<L>, Vector<L>) {
+pub(crate) fn contact_body<L: Lanes>(path: Path<L>, body: &Body, substep: &Substep, params: &Params) -> Path<L> {
+    let Path { x, u, .. } = path;
     let contact = match body.kind {
         PLANE => {
             let (a, a_step) = axis_end(body, substep, params);
@@ -113,7 +135,7 @@ pub(crate) fn contact_body<L: Lanes>(
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
     };
-    respond(x, u, contact, body.friction, params.h)
+    respond(path, contact, body.friction, params.h)
 }
 
 /// A vertex and a body in a substep.
@@ -130,10 +152,10 @@ struct ContactPoint<L> {
     grip: L,
 }
 
-/// Pushes vertices out along the normal, and applies friction. Returns `(x, u)` afterwards.
+/// Pushes vertices out along the normal, and applies friction. Returns their path afterwards.
 #[inline(always)]
-fn respond<L: Lanes>(x: Vector<L>, u: Vector<L>, contact: ContactPoint<L>, friction: f32, h: f32) -> (Vector<L>, Vector<L>) {
-    let ContactPoint { n, before, after, step, grip } = contact;
+fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, friction: f32, h: f32) -> Path<L> {
+    let (Path { x, u, start, .. }, ContactPoint { n, before, after, step, grip }) = (path, contact);
     let zero = L::splat(0.0);
     let depth = zero - after;
     let old = depth.min((zero - before).max(zero));
@@ -141,11 +163,27 @@ fn respond<L: Lanes>(x: Vector<L>, u: Vector<L>, contact: ContactPoint<L>, frict
     let pushed = n.mul_add(push, u);
     let relative = pushed - step;
     let slip = relative - n * n.dot(relative);
-    let share = L::splat(friction) * grip * push / slip.length().max(L::splat(1e-30));
+    let friction = L::splat(friction) * grip;
+    let share = friction * push / slip.length().max(L::splat(1e-30));
     let held = pushed - slip * share.min(L::splat(1.0));
+    let freed = old.min(L::splat(DEPENETRATION * h));
+    let out = n.mul_add(freed, x);
     let inside = after.lt(zero);
-    let out = n.mul_add(old.min(L::splat(DEPENETRATION * h)), x);
-    (Vector::select(inside, out, x), Vector::select(inside, held, u))
+    let mut after = Path { x: Vector::select(inside, out, x), u: Vector::select(inside, held, u), ..path };
+    let began_inside = L::and(inside, L::splat(INSIDE).lt(freed));
+    if L::any(began_inside) {
+        let holds = L::and(began_inside, path.grasp.lt(friction));
+        after.holder_step = Vector::select(holds, step, path.holder_step);
+        after.grasp = L::select(holds, friction, path.grasp);
+        let moved = x - start;
+        let squeezed = L::and(began_inside, L::and(n.dot(moved).lt(L::splat(-INSIDE)), zero.lt(after.grasp)));
+        let along = |v: Vector<L>| v - n * n.dot(v);
+        let slid = along(moved);
+        let stays = (after.grasp * freed / slid.length().max(L::splat(1e-30))).min(L::splat(1.0));
+        after.x = Vector::select(squeezed, out - slid * stays, after.x);
+        after.u = Vector::select(squeezed, pushed + along(after.holder_step - pushed), after.u);
+    }
+    after
 }
 
 /// [`Body::a`] at the start of a substep, and its displacement.

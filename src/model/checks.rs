@@ -48,7 +48,7 @@ pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Res
     let refuse = |value: String, remedy| Err(BuildError::Value { name: "contact.thickness".to_owned(), value, remedy });
     let on_cloth = || format!("{thickness} m on cloth {} m across", extent as f32);
     let [least, most] = [MIN_THICKNESS, MAX_THICKNESS].map(|share| share * extent);
-    if f64::from(thickness) < least {
+    if thickness < least as f32 {
         let remedy = "must be at least 0.0001 of that, since positions in single precision keep no smaller distance; choose more";
         return refuse(on_cloth(), remedy);
     }

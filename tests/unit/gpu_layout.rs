@@ -134,6 +134,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("TETHER_TURN_GUARD", Literal::F32(crate::kernels::tether::TETHER_TURN_GUARD)),
         ("TETHER_SHORT_GUARD", Literal::F32(crate::kernels::tether::TETHER_SHORT_GUARD)),
         ("DEPENETRATION", Literal::F32(crate::kernels::contact::DEPENETRATION)),
+        ("INSIDE", Literal::F32(crate::kernels::contact::INSIDE)),
         ("SWEPT", Literal::F32(crate::kernels::contact::SWEPT)),
         ("SWEEP_STEPS", Literal::U32(crate::kernels::contact::SWEEP_STEPS)),
         ("TOUCHING", Literal::F32(crate::kernels::contact::TOUCHING)),

@@ -51,7 +51,7 @@ fn lane(v: Vec3A) -> Vector<f32> {
 
 /// [`contact_body`] for one vertex.
 fn contact_one(x: Vec3A, u: Vec3A, body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
-    let (x, u) = contact_body(lane(x), lane(u), body, substep, params);
+    let Path { x, u, .. } = contact_body(Path::new(lane(x), lane(u)), body, substep, params);
     (Vec3A::new(x.x, x.y, x.z), Vec3A::new(u.x, u.y, u.z))
 }
 

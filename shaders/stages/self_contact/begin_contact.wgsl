@@ -56,10 +56,10 @@ fn strayed_together(lane: u32) -> vec3f {
 // Moves a vertex out of the colliders, and tests whether it is close enough to its path.
 fn begin_vertex(i: u32, together: vec3f) -> Part {
     let x_i = x[i];
-    var path = Path(x_i.xyz, p_out[i].xyz);
+    var path = path_of(x_i.xyz, p_out[i].xyz);
     if x_i.w > 0.0 {
         for (var k = 0u; k < contact_params.bodies; k++) {
-            path = contact_body(path.x, path.u, bodies[k], substep);
+            path = contact_body(path, bodies[k], substep);
         }
     }
     let push = path.x - x_i.xyz;

@@ -194,14 +194,15 @@ fn apply_sums(i: u32) {
     if vertices[i].x.w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
         return;
     }
-    var path = Path(vertices[i].x.xyz, vertices[i].u.xyz + summed(i, IMPULSE, UNIT_LENGTH));
+    let x = vertices[i].x.xyz;
+    var u = vertices[i].u.xyz + summed(i, IMPULSE, UNIT_LENGTH);
     for (var k = 0u; k < 3u; k++) {
         atomicStore(&sums[SUMS * i + IMPULSE + k], 0);
     }
     for (var k = 0u; k < contact_params.bodies; k++) {
-        path.u = contact_body(path.x, path.u, bodies[k], substep).u;
+        u = contact_body(path_of(x, u), bodies[k], substep).u;
     }
-    vertices[i].u = vec4f(path.u, vertices[i].u.w);
+    vertices[i].u = vec4f(u, vertices[i].u.w);
 }
 
 // Also stores how far a vertex was about to move, before the first impulses.

@@ -2,7 +2,7 @@
 
 use glam::{Vec3A, Vec4};
 
-use crate::kernels::contact::{Body, contact_body};
+use crate::kernels::contact::{Body, Path, contact_body};
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::{Params, Substep};
 use crate::simd::Vector;
@@ -36,6 +36,6 @@ fn outside(body: &Body, point: Vec3A) -> Vec3A {
     // In a substep of any length a vertex is pushed out at once, however deep it is.
     let params = Params { h: f32::INFINITY, ..Params::default() };
     let at = Vector::<f32>::splat(point.to_array());
-    let (out, _) = contact_body(at, Vector::zero(), body, &Substep::default(), &params);
+    let out = contact_body(Path::new(at, Vector::zero()), body, &Substep::default(), &params).x;
     Vec3A::new(out.x, out.y, out.z)
 }
