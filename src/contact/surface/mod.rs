@@ -58,8 +58,9 @@ pub(crate) struct Surface {
     pub piece: Vec<u32>,
     pub owner: Vec<u32>,
     bodies: u32,
-    /// The triangles at each vertex.
+    /// The triangles at each vertex, and the vertices to which edges lead from it.
     pub at: Csr<u32>,
+    pub ring: Csr<u32>,
     /// How much farther (m) contact may move each vertex in a substep than it was about to move: [`FARTHER`] of half the least
     /// height of the triangles around it, which is taken to be between a tenth of the thickness and the thickness. Pairs that are
     /// closer than this lets both sides move are near, so that no such motion makes features meet unnoticed: see
@@ -140,6 +141,7 @@ impl Surface {
             owner: vec![0; vertices],
             bodies: 0,
             at: Csr::new(0, std::iter::empty()),
+            ring: Csr::new(0, std::iter::empty()),
             allowance: heights.iter().map(|height| FARTHER * (0.5 * height).clamp(0.1 * thickness, thickness)).collect(),
             max_margin: heights.iter().map(max_margin).collect(),
             excess: Vec::new(),
@@ -236,6 +238,7 @@ impl Surface {
         }
         let corners = (0..).zip(&self.triangles);
         self.at = Csr::new(self.rest.len(), corners.flat_map(|(triangle, corners)| corners.map(|vertex| (vertex, triangle))));
+        self.ring = Csr::new(self.rest.len(), self.edges.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
         leaves
     }
 

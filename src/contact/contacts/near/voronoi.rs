@@ -98,11 +98,12 @@ impl Around<'_> {
             let along = apart.dot(way);
             along <= 0.0 || along <= ABOVE_ANGLE * apart.length() * way.length()
         };
-        if !self.triangles_at(vertex).flatten().all(|other| is_above(-apart, at(other) - at(vertex))) {
+        let ring = |vertex: u32| self.surface.ring.of(vertex).iter().map(move |&other| at(other) - at(vertex));
+        if !ring(vertex).all(|way| is_above(-apart, way)) {
             return false;
         }
         let Some(b) = b else {
-            return self.triangles_at(a).flatten().all(|other| is_above(apart, at(other) - at(a)));
+            return ring(a).all(|way| is_above(apart, way));
         };
         let side = at(b) - at(a);
         let across = |way: Vec3A| way - side * (way.dot(side) / side.length_squared().max(1e-30));
