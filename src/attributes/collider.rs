@@ -15,7 +15,8 @@ use crate::record::{Recorded, Tape, Unreadable, recorded};
 pub struct Collider {
     /// The surface of the body.
     pub shape: Shape,
-    /// Coefficient of Coulomb friction between this collider and the cloth, 0 or above. It is not combined with any other.
+    /// Coefficient of Coulomb friction between this collider and the cloth, 0 or above. It is not combined with any other; what two
+    /// colliders squeeze sticks to the one with more.
     pub friction: f32,
     /// A number that identifies this collider from step to step, whatever else is in the list; no two colliders may
     /// have the same. `None`: it is matched by its order (see [`Attributes::colliders`](crate::Attributes::colliders)).

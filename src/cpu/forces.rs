@@ -70,9 +70,9 @@ impl ForceArrays {
         let damped = if bending && plan.damped() { vertices } else { 0 };
         fit(&mut self.couples, damped);
         if bending && !plan.coefficients.bending.passes.is_empty() {
-            self.filter.fit(vertices, damped)
+            self.filter.fit(vertices, damped);
         } else {
-            self.filter.fit(0, 0)
+            self.filter.fit(0, 0);
         }
         fit(&mut self.panel_forces, if air { plan.cloth.panels().panels.len() } else { 0 });
         let scene = (plan.coefficients.length, bending, air, width.lanes());

@@ -80,6 +80,9 @@ pub(super) fn prologue(terms: Terms) -> Vec<Stage> {
 
 /// The stages of a substep, in order.
 ///
+/// With contact of triangles the list ends before the move: `Cpu::substeps` resolves contact and then runs
+/// [`Stage::MoveAfterContact`].
+///
 /// Where vertices only fall, no stage predicts: the [`prologue`] predicts the first substep's displacements, and
 /// [`Stage::Move`] those of each later substep while the vertex is still in a register.
 pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Vec<Stage> {

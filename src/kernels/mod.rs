@@ -1,5 +1,5 @@
 //! The mathematics of the solver as pure functions, generic over the number of SIMD lanes. `shaders/` has the same
-//! files and functions in WGSL.
+//! functions in WGSL, in files of the same names (what is in `contact/` is in one file there).
 //!
 //! Within a substep of length `h`, a vertex is at `x` (m) and will move by `u` (m). `p` (m) is its displacement over
 //! the last substep, so its velocity is `p / h`. Everything is formulated in displacements: computed as

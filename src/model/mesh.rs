@@ -10,6 +10,10 @@ use crate::record::{Recorded, Tape, Unreadable};
 
 /// A triangle mesh: vertex positions (m) and vertex indices, three a triangle.
 ///
+/// Triangles hang together where they name the same vertex. Meshes from glTF or STL files name several at one place, along seams of
+/// texture coordinates or for every triangle, and come apart there; weld them first, and draw the original with a
+/// [`Binding`](crate::Binding).
+///
 /// Any triangles will do: open or closed, several pieces, edges with three or more triangles, vertices that no triangle
 /// uses, which stay where they are, up to rounding if the cloth is far from them (in a mesh without edges all fall as points). A triangle that names a vertex twice is an
 /// edge without area: a thread.

@@ -55,9 +55,9 @@ pub(crate) fn visits(positions: &[Vec3], triangles: &[[u32; 3]], edges: &[[u32; 
     for vertex in 0..positions.len() as u32 {
         characteristic[of_part(vertex)] += 1;
         if is_border[vertex as usize] || angle[vertex as usize] == 0.0 {
-            is_open[of_part(vertex)] = true
+            is_open[of_part(vertex)] = true;
         } else {
-            curvature[of_part(vertex)] += TAU - angle[vertex as usize]
+            curvature[of_part(vertex)] += TAU - angle[vertex as usize];
         }
     }
     edges.iter().for_each(|ends| characteristic[of_part(ends[0])] -= 1);

@@ -33,7 +33,9 @@ pub enum Quality {
     Hold {
         /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.
         stretch: f32,
-        /// Share of the area that keeps the bound, 0.5 to 1. Each edge counts with the area of its triangles.
+        /// Share of the area that keeps the bound, 0.5 to 1. Each edge counts with the area of its triangles, and all pieces of
+        /// the mesh count together: beside a rug that lies still, a handkerchief in the wind is the one percent that
+        /// [`Quality::Strain`] leaves out. A share of 1 counts every edge.
         share: f32,
     },
     /// As many substeps as fit into this time (ms) per step, estimated from the time that previous steps took.
