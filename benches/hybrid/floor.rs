@@ -170,9 +170,10 @@ impl<'a> Link<'a> {
         for (buffer, mode, wanted) in
             [(&self.down[0], wgpu::MapMode::Read, back), (&self.up[0], wgpu::MapMode::Write, self.way != Way::Written)]
         {
-            match wanted {
-                true => buffer.map_async(mode, .., note()),
-                false => drop(self.ready.fetch_add(1, Ordering::Release)),
+            if wanted {
+                buffer.map_async(mode, .., note());
+            } else {
+                self.ready.fetch_add(1, Ordering::Release);
             }
         }
     }

@@ -324,9 +324,10 @@ fn solid_box(text: &str) -> Result<Collider, String> {
     let [x, y, z, w, h, d, radius] = numbers_or(text, |[x, y, z, w, h, d]: [f32; 6]| [x, y, z, w, h, d, 0.0])?;
     [w, h, d].into_iter().try_for_each(|half| above_0("half of its width, height and depth", half))?;
     let half = Vec3::new(w, h, d);
-    match (0.0..=half.min_element()).contains(&radius) {
-        true => Ok(Collider::rounded_box(Vec3::new(x, y, z), half, Quat::IDENTITY, radius)),
-        false => Err(format!("the radius must be from 0 to {}, the least of W, H and D", half.min_element())),
+    if (0.0..=half.min_element()).contains(&radius) {
+        Ok(Collider::rounded_box(Vec3::new(x, y, z), half, Quat::IDENTITY, radius))
+    } else {
+        Err(format!("the radius must be from 0 to {}, the least of W, H and D", half.min_element()))
     }
 }
 

@@ -38,9 +38,12 @@ fn trees(cloth: &Cloth, body: &Arc<Mesh>) -> (Surface, [Tree; 2]) {
 impl Folded {
     fn new(cloth: &Cloth, body: &Arc<Mesh>) -> Folded {
         let (surface, trees) = trees(cloth, body);
-        let fold = |at: &Vec4| match at.x.abs() > 0.05 {
-            true => Vec4::new((0.1 - at.x.abs()) * at.x.signum(), at.x * 0.15 + 0.02, at.z, 1.0),
-            false => Vec4::new(at.x, at.x.abs() * 0.1, at.z, 1.0),
+        let fold = |at: &Vec4| {
+            if at.x.abs() > 0.05 {
+                Vec4::new((0.1 - at.x.abs()) * at.x.signum(), at.x * 0.15 + 0.02, at.z, 1.0)
+            } else {
+                Vec4::new(at.x, at.x.abs() * 0.1, at.z, 1.0)
+            }
         };
         let x: Vec<Vec4> =
             surface.rest.iter().zip(&surface.owner).map(|(at, owner)| if *owner == 0 { fold(at) } else { *at }).collect();

@@ -60,9 +60,8 @@ fn tasks_wait_for_all_that_touches_what_they_touch() {
                     look(turn, pass, task);
                     assert_eq!(runs[pass][task].fetch_add(1, Ordering::SeqCst), turn, "its {turn}th turn");
                 };
-                pools[pool].install(|| match loops {
-                    false => graph.run(turns, On::Pool(workers), &work),
-                    true => graph.run_pass_by_pass(turns, &work),
+                pools[pool].install(|| {
+                    if loops { graph.run_pass_by_pass(turns, &work) } else { graph.run(turns, On::Pool(workers), &work) }
                 });
                 for (pass, runs) in runs.iter().enumerate() {
                     assert!(runs.iter().all(|runs| runs.load(Ordering::SeqCst) == expected(pass, turns)));
