@@ -134,8 +134,7 @@ impl Engine {
             match engine {
                 #[cfg(feature = "gpu")]
                 Engine::Gpu(gpu) => match gpu.check_whole() {
-                    // Such a step waits for the GPU, so it cannot share a submission with others.
-                    Ok(()) if gpu.contact.is_some() || plan.has_contact() => {
+                    Ok(()) if gpu.waits_for(&plan) => {
                         done[index] = gpu.step(&plan).and_then(|()| gpu.statistics());
                     }
                     Ok(()) => together.push((index, &mut **gpu, plan)),

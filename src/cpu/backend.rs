@@ -23,7 +23,7 @@ use crate::error::failure::{Defect, Failure};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::{Change, Cloth};
 use crate::model::mesh::Mesh;
-use crate::options::{Contact, Method};
+use crate::options::Contact;
 use crate::past::Past;
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
@@ -306,17 +306,11 @@ impl Cpu {
             edges: [edges, edges_back],
             tethers,
             forces: forces.share(plan, &x, &u, *width),
-            correction: Correction::new(
-                coarse,
-                &x,
-                &u,
-                if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse },
-                *width,
-            ),
+            correction: Correction::new(coarse, &x, &u, Rule::of_levels(plan), *width),
             integrator: Integrator { plan, x: &x, u: &u, good, found, width: *width },
             chunks: schedule.chunks.as_deref(),
             external,
-            rule: rule(plan.method),
+            rule: Rule::of(plan.method),
             workers: on.threads(),
         };
         let Schedule { passes, graph, .. } = schedule;
@@ -335,11 +329,3 @@ impl Cpu {
     }
 }
 
-/// How a method corrects edges; none for springs, which are forces.
-fn rule(method: Method) -> Option<Rule> {
-    match method {
-        Method::SmallSteps => Some(Rule::Project),
-        Method::Relaxation { .. } => Some(Rule::Relax),
-        Method::Springs => None,
-    }
-}

@@ -4,7 +4,9 @@ use crate::cpu::edge_batches::{EdgeBatch, EdgeBatches, Ends};
 use crate::cpu::tasks::shared::View;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::distance::{self, EdgeCorrection};
+use crate::options::Method;
 use crate::simd::{self, Loop, Registers, Vector, Width};
+use crate::step::plan::Plan;
 
 /// Which kernel corrects the edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +19,22 @@ pub(crate) enum Rule {
     HoldCoarse,
     /// [`distance::relax_edge`].
     Relax,
+}
+
+impl Rule {
+    /// How a method corrects edges; none for springs, which are forces.
+    pub(crate) fn of(method: Method) -> Option<Rule> {
+        match method {
+            Method::SmallSteps => Some(Rule::Project),
+            Method::Relaxation { .. } => Some(Rule::Relax),
+            Method::Springs => None,
+        }
+    }
+
+    /// How coarse edges are corrected.
+    pub(crate) fn of_levels(plan: &Plan<'_>) -> Rule {
+        if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }
+    }
 }
 
 const PROJECT: u8 = Rule::Project as u8;

@@ -79,7 +79,7 @@ impl Bending {
         let count = plan.coefficients.bending.passes_or_one().len();
         let key = (count, bound.level.is_some());
         self.in_use = self.kernels.iter().position(|(of, _)| *of == key).unwrap_or_else(|| {
-            self.kernels.push((key, self.lists.in_tiles(gpu, plan, bound, count, tiled)));
+            self.kernels.push((key, self.lists.make_tiles(gpu, plan, bound, count, tiled)));
             self.kernels.len() - 1
         });
         if !self.in_tiles() && self.apart.as_ref().is_none_or(|apart| count > 1 && !apart.several) {
@@ -148,7 +148,7 @@ struct Lists {
 
 impl Lists {
     /// Creates a kernel for `count` passes in tiles if that is wanted, and the cloth is small enough.
-    fn in_tiles(&self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Option<InTiles> {
+    fn make_tiles(&self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Option<InTiles> {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
         let in_vertex = IN_TILE[usize::from(count > 1)];
         let room = gpu.workgroup_memory() / (in_vertex + HELD);

@@ -191,11 +191,15 @@ impl GpuEngine {
         &self.forces.states[0].x
     }
 
-    /// Submits a step. Returns before it is done, unless there is contact of triangles.
+    /// Submits a step. Returns before it is done, unless it [waits](GpuEngine::waits_for).
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         self.check_whole()?;
-        let has_contact = !IN_BROWSER && (self.contact.is_some() || plan.has_contact());
-        if has_contact { self.step_with(plan) } else { self.step_alone(plan) }
+        if self.waits_for(plan) { self.step_with(plan) } else { self.step_alone(plan) }
+    }
+
+    /// Whether a step waits for the GPU, because triangles touch, so that it cannot share a submission with others.
+    pub(crate) fn waits_for(&self, plan: &Plan<'_>) -> bool {
+        !IN_BROWSER && (self.contact.is_some() || plan.has_contact())
     }
 
     /// Submits a step without contact of triangles.

@@ -17,9 +17,9 @@
 //! Contact of the cloth with itself runs after the sweep of each substep ([`contact`]). A step with it waits for the
 //! GPU once.
 //!
-//! Modules import only modules before them in this order: `shaders` and `stage` (a kernel and its buffers), `state` and
-//! `tiles`, the stages of a substep (`forces`, `multigrid`, `sweep`, `contact`), the end of a step (`watch`, `commit`),
-//! output (`readback`, `statistics`, `surface`, `bound_mesh`), and `engine`.
+//! Modules import only modules before them in this order: `shaders`, `stage` and `submission` (a kernel and its buffers), `slices`,
+//! `state`, `tiles` and `bend_tiles`, the stages of a substep (`bending`, `tethers`, `forces`, `multigrid`, `sweep`, `contact`), the end
+//! of a step (`watch`, `commit`), output (`readback`, `statistics`, `surface`, `bound_mesh`), and `engine`.
 
 mod bend_tiles;
 mod bending;

@@ -50,11 +50,11 @@ pub(crate) fn batches(gpu: &Gpu, items: &[Batch]) -> wgpu::Buffer {
     buffer
 }
 
-/// Invocations of a workgroup that sweeps: no more than a color has edges, and no more than the device allows.
-pub(crate) fn lanes(gpu: &Gpu, edges: usize) -> usize {
+/// Invocations of a workgroup: one for each of as many items, in whole subgroups and at least 64, as far as the device allows.
+pub(crate) fn lanes(gpu: &Gpu, items: usize) -> usize {
     let limits = gpu.device().limits();
     let allowed = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x) as usize;
-    edges.next_multiple_of(SUBGROUP).clamp(64, 1024).min(allowed)
+    items.next_multiple_of(SUBGROUP).clamp(64, 1024).min(allowed)
 }
 
 /// How a stage accesses a buffer. Bindings are numbered in the order in which they are listed.

@@ -45,7 +45,7 @@ pub(crate) struct Hybrid {
     mapped: Option<Mapped>,
     /// Which part of the next step's initial state was written to them already.
     sent: Option<Payload>,
-    /// The substeps as the GPU sees them ([`stages::forces_alone`]).
+    /// The substeps as the GPU sees them. It computes only the displacements that the forces cause; the CPU adds what carries over.
     forces_alone: Vec<Substep>,
     /// Why preparing a step failed. The objects built halfway must not be used by another step.
     broken: Option<GpuFault>,
@@ -136,7 +136,7 @@ impl Hybrid {
     fn exchanged(&mut self, plan: &Plan<'_>, sent: Option<Payload>) -> Result<Payload, Failure> {
         let Hybrid { gpu, forces, exchange, mapped, forces_alone, broken, cpu, .. } = self;
         forces_alone.clear();
-        forces_alone.extend(stages::forces_alone(plan.substeps));
+        forces_alone.extend(plan.substeps.iter().map(|substep| Substep { carry: 0.0, ..*substep }));
         // The CPU moves the pins.
         let on_gpu = &Plan { params: Params { pins: 0, ..plan.params }, substeps: forces_alone, pins: &[], ..*plan };
         let complete = Payload::needed(plan, true);

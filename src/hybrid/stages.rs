@@ -11,13 +11,12 @@ use crate::device::fault::GpuFault;
 use crate::gpu::Forces;
 use crate::hybrid::exchange::{Exchange, Mapped, Payload};
 use crate::kernels::integrate::{predict_displacement, xyz};
-use crate::kernels::params::Substep;
 use crate::step::plan::Plan;
 
 /// A step with exchanges, which the CPU's tasks share.
 pub(super) struct ExchangedStep<'a> {
     pub plan: &'a Plan<'a>,
-    /// The step as the GPU sees it: see [`forces_alone`].
+    /// The step as the GPU sees it.
     pub on_gpu: &'a Plan<'a>,
     /// What is sent between two exchanges of the step.
     pub payload: Payload,
@@ -40,11 +39,6 @@ pub(super) struct Exchanges<'a> {
     pub next: Option<wgpu::CommandBuffer>,
     /// Why exchanging failed, if it did.
     pub failed: Option<GpuFault>,
-}
-
-/// The substeps as the GPU sees them. It computes only the displacements that the forces cause; the CPU adds what carries over.
-pub(super) fn forces_alone(substeps: &[Substep]) -> impl Iterator<Item = Substep> {
-    substeps.iter().map(|substep| Substep { carry: 0.0, ..*substep })
 }
 
 impl ExternalPrediction for ExchangedStep<'_> {

@@ -1,4 +1,4 @@
-//! Access to the state of a cloth on the GPU between steps: setting, reading, requesting and restoring it.
+//! Access to a cloth on the GPU between steps: its state (set, read, requested, restored), statistics, and what is drawn of it.
 
 use glam::Vec4;
 
