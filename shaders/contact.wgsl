@@ -32,7 +32,8 @@ const SLID: f32 = 4.0;
 const CARRIES: f32 = 2.0;
 
 // A vertex among the bodies that it may touch in a substep: its position, moved out of them so far, its displacement, its position
-// before, the displacement there of the body with the most friction of those so far that it began inside of, and its friction.
+// before, the displacement there of the body with the most friction of those so far that it began inside of, and its friction; of two
+// with the same, the mean.
 struct Path {
     x: vec3f,
     u: vec3f,
@@ -137,12 +138,14 @@ fn respond(path: Path, contact: ContactPoint, friction: f32) -> Path {
         if grip > path.grasp {
             after.holder_step = contact.step;
             after.grasp = grip;
+        } else if grip == path.grasp {
+            after.holder_step = 0.5 * (path.holder_step + contact.step);
         }
         let moved = path.x - path.start;
-        if dot(n, moved) < -INSIDE && after.grasp > 0.0 {
-            let slid = moved - n * dot(n, moved);
+        let slid = moved - n * dot(n, moved);
+        if dot(n, moved) < -INSIDE && length(slid) < after.grasp * freed {
             let sticks = after.holder_step - pushed;
-            after.x = out - slid * min(after.grasp * freed / max(length(slid), 1e-30), 1.0);
+            after.x = out - slid;
             after.u = pushed + sticks - n * dot(n, sticks);
         }
     }

@@ -328,4 +328,3 @@ impl Cpu {
         found.verdict(plan.cloth, &plan.params, *steps, &self.x, &self.p)
     }
 }
-

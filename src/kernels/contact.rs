@@ -70,7 +70,8 @@ pub(crate) struct Path<L> {
     pub u: Vector<L>,
     /// Their positions before.
     start: Vector<L>,
-    /// The displacement (m) there of the body with the most friction of those so far that they began inside of, and its friction.
+    /// The displacement (m) there of the body with the most friction of those so far that they began inside of, and its friction; of two
+    /// with the same, the mean.
     holder_step: Vector<L>,
     grasp: L,
 }
@@ -119,8 +120,8 @@ pub(crate) fn contact_bodies<L: Lanes>(
 /// fast vertex is tested for the first touch.
 ///
 /// What two bodies squeeze is pushed by each into the other, so that all depth is old and no force is known, while that of rigid
-/// bodies has no limit. So it sticks to the one with more friction, and friction also resists the way that one pushes it
-/// along the other: between surfaces that meet at more than twice the angle of friction it slips out.
+/// bodies has no limit. So it sticks to the one with more friction, unless one pushes it along the other by more than friction
+/// allows: between surfaces that meet at more than the angle of friction it slips out.
 // Code for the web is small instead.
 #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
 pub(crate) fn contact_body<L: Lanes>(path: Path<L>, body: &Body, substep: &Substep, params: &Params) -> Path<L> {
@@ -173,15 +174,17 @@ fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, friction: f32, h: 
     let began_inside = L::and(inside, L::splat(INSIDE).lt(freed));
     if L::any(began_inside) {
         let holds = L::and(began_inside, path.grasp.lt(friction));
-        after.holder_step = Vector::select(holds, step, path.holder_step);
+        let shares = L::and(began_inside, L::eq(path.grasp, friction));
+        let shared = Vector::select(shares, (path.holder_step + step) * L::splat(0.5), path.holder_step);
+        after.holder_step = Vector::select(holds, step, shared);
         after.grasp = L::select(holds, friction, path.grasp);
         let moved = x - start;
-        let squeezed = L::and(began_inside, L::and(n.dot(moved).lt(L::splat(-INSIDE)), zero.lt(after.grasp)));
         let along = |v: Vector<L>| v - n * n.dot(v);
         let slid = along(moved);
-        let stays = (after.grasp * freed / slid.length().max(L::splat(1e-30))).min(L::splat(1.0));
-        after.x = Vector::select(squeezed, out - slid * stays, after.x);
-        after.u = Vector::select(squeezed, pushed + along(after.holder_step - pushed), after.u);
+        let squeezed = L::and(began_inside, n.dot(moved).lt(L::splat(-INSIDE)));
+        let sticks = L::and(squeezed, slid.length().lt(after.grasp * freed));
+        after.x = Vector::select(sticks, out - slid, after.x);
+        after.u = Vector::select(sticks, pushed + along(after.holder_step - pushed), after.u);
     }
     after
 }
