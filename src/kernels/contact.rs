@@ -120,8 +120,8 @@ pub(crate) fn contact_bodies<L: Lanes>(
 /// fast vertex is tested for the first touch.
 ///
 /// What two bodies squeeze is pushed by each into the other, so that all depth is old and no force is known, while that of rigid
-/// bodies has no limit. So it sticks to the one with more friction, unless one pushes it along the other by more than friction
-/// allows: between surfaces that meet at more than the angle of friction it slips out.
+/// bodies has no limit. So it sticks to the one with more friction, or to the mean motion of two with the same, unless one pushes it along
+/// the other by more than friction allows: between surfaces that meet at more than the angle of friction it slips out.
 // Code for the web is small instead.
 #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
 pub(crate) fn contact_body<L: Lanes>(path: Path<L>, body: &Body, substep: &Substep, params: &Params) -> Path<L> {
