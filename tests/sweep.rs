@@ -192,6 +192,34 @@ fn a_killed_sweep_is_finished_as_if_nothing_had_been() {
     assert!(tree(&out) == whole);
 }
 
+/// A variant that is replaced goes as a whole: killed before what replaces it is there, the next run has it back, and killed after,
+/// the next run removes it.
+#[test]
+fn a_variant_is_there_whole_while_it_is_replaced() {
+    let directory = sweep(1);
+    let out = directory.path().join("out");
+    let [complete, old, lock] = ["variant_0001", ".variant_0001.old", ".variant_0001.lock"].map(|name| out.join(name));
+    let one = ["--scene", "s.toml", "--variant", "1", "--out", "out", "--quiet"];
+    succeeds(&run(&directory, &one));
+    let first = tree(&out);
+    let made = || fs::metadata(complete.join("frame_0002.obj")).unwrap().modified().unwrap();
+    let then = made();
+
+    fs::rename(&complete, &old).unwrap();
+    fs::write(&lock, "").unwrap();
+    succeeds(&run(&directory, &one));
+    assert!(tree(&out) == first && made() == then, "it is not run again");
+
+    let other = [&one[..], &["--gravity", "0,-5,0"]].concat();
+    for arguments in [&one[..], &other] {
+        fs::create_dir(&old).unwrap();
+        fs::write(old.join("frame_0002.obj"), "").unwrap();
+        succeeds(&run(&directory, arguments));
+        assert!(files(&out).len() == first.len() && !old.exists(), "nothing of the old one is left");
+    }
+    assert!(made() > then, "with other inputs it is run again");
+}
+
 /// Two processes with the same sweep: one of them runs a variant, and the other skips it.
 #[test]
 fn two_do_not_run_the_same_variant() {

@@ -33,6 +33,7 @@ mod save;
 mod scene;
 mod sweep;
 mod tuned;
+mod variant_folder;
 mod warnings;
 
 fn main() -> ExitCode {

@@ -17,6 +17,7 @@ use crate::play::play;
 use crate::receipt::{self, Figures, Inputs, Receipt, hash, input_files, lanes};
 use crate::scene::file::{File, Source, Vary};
 use crate::scene::{Scene, replacing};
+use crate::variant_folder::{VariantFolder, failed};
 
 /// Most variants of a sweep.
 const MOST: u64 = 1_000_000;
@@ -150,48 +151,45 @@ impl Sweep {
         };
         let out = scene.outputs.folder.clone();
         fs::create_dir_all(&out).map_err(|error| failed(&out, error))?;
-        let folder = out.join(format!("variant_{number:04}"));
-        let lock_path = out.join(format!(".variant_{number:04}.lock"));
-        let is_done = || Receipt::in_folder(&folder).is_some_and(|receipt| receipt.inputs == inputs);
-        let before = if is_done() { "" } else { replaced(&folder)? };
-        let finished = || {
+        let folder = VariantFolder::of(&out, number);
+        let is_done = || Receipt::in_folder(&folder.complete).is_some_and(|receipt| receipt.inputs == inputs);
+        let finished = |before: &str| {
             // The lock of a finished variant is not needed; a killed process may have left it.
-            drop(fs::remove_file(&lock_path));
-            Ok(format!("variant {number} is in {}{before}", folder.display()))
+            drop(fs::remove_file(&folder.lock));
+            Ok(format!("variant {number} is in {}{before}", folder.complete.display()))
         };
-        if is_done() {
-            return finished();
+        if is_done() && folder.is_settled() {
+            return finished("");
         }
 
         // A killed process releases its lock, and the next one starts the variant again.
-        let lock = OsFile::create(&lock_path).map_err(|error| failed(&lock_path, error))?;
+        let lock = OsFile::create(&folder.lock).map_err(|error| failed(&folder.lock, error))?;
         match lock.try_lock() {
             Err(TryLockError::WouldBlock) => {
-                return Err(Failure::input(format_args!("another process runs it ({} is locked)", lock_path.display())));
+                return Err(Failure::input(format_args!("another process runs it ({} is locked)", folder.lock.display())));
             }
-            Err(TryLockError::Error(error)) => return Err(failed(&lock_path, error)),
+            Err(TryLockError::Error(error)) => return Err(failed(&folder.lock, error)),
             Ok(()) => {}
         }
-        if !is_done() {
-            let partial = out.join(format!(".variant_{number:04}"));
-            remove(&partial)?;
-            fs::create_dir(&partial).map_err(|error| failed(&partial, error))?;
-            scene.outputs.move_into(&partial);
-            let played = play(&scene, true, || Ok(()), interrupted);
-            let report = played.inspect_err(|_| drop(remove(&partial)))?;
-            let receipt = Receipt {
-                inputs,
-                backend: report.backend.to_owned(),
-                adapter: report.adapter.clone(),
-                lanes: lanes(),
-                figures: Figures::of(&report),
-            };
-            receipt.write(&partial)?;
-            // The folder may contain a variant with other inputs.
-            remove(&folder)?;
-            fs::rename(&partial, &folder).map_err(|error| failed(&folder, error))?;
+        folder.settle()?;
+        if is_done() {
+            return finished("");
         }
-        finished()
+        let before = folder.replaced()?;
+        folder.begin()?;
+        scene.outputs.move_into(&folder.partial);
+        let played = play(&scene, true, || Ok(()), interrupted);
+        let report = played.inspect_err(|_| drop(folder.abandon()))?;
+        let receipt = Receipt {
+            inputs,
+            backend: report.backend.to_owned(),
+            adapter: report.adapter.clone(),
+            lanes: lanes(),
+            figures: Figures::of(&report),
+        };
+        receipt.write(&folder.partial)?;
+        folder.finish()?;
+        finished(before)
     }
 
     /// The values of the keys in a variant, counted from 1; the last key changes fastest.
@@ -288,26 +286,6 @@ fn overrides(arguments: &Arguments) -> String {
 
 fn json(value: &Value) -> Result<serde_json::Value, Failure> {
     serde_json::to_value(value).map_err(|error| Failure::input(format_args!("a value of [[vary]]: {error}")))
-}
-
-/// What to say of the variant with other inputs that a folder contains, if any. Anything else is not to be removed.
-fn replaced(folder: &Path) -> Result<&'static str, Failure> {
-    match (folder.exists(), folder.join(receipt::NAME).exists()) {
-        (false, _) => Ok(""),
-        (true, true) => Ok(", and replaces the one there, which had other inputs"),
-        (true, false) => {
-            let message = format_args!("{} has no receipt of a variant; remove it, or use another --out", folder.display());
-            Err(Failure::input(message))
-        }
-    }
-}
-
-fn remove(folder: &Path) -> Result<(), Failure> {
-    if folder.exists() { fs::remove_dir_all(folder).map_err(|error| failed(folder, error)) } else { Ok(()) }
-}
-
-fn failed(path: &Path, error: std::io::Error) -> Failure {
-    Failure::input(format_args!("{}: {error}", path.display()))
 }
 
 /// Checks that the meshes can be read again: each variant reads them, and its receipt has their hashes.
