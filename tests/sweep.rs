@@ -233,6 +233,15 @@ fn two_do_not_run_the_same_variant() {
     assert!(!out.join("variant_0001").exists());
     drop(lock);
     succeeds(&run(&directory, &one));
+    // Without its name the file would keep no third process from running the variant.
+    let path = out.join(".variant_0001.lock");
+    let lock = fs::File::create(&path).unwrap();
+    lock.try_lock().unwrap();
+    succeeds(&run(&directory, &one));
+    assert!(path.exists(), "the lock of another process stays");
+    drop(lock);
+    succeeds(&run(&directory, &one));
+    assert!(!path.exists(), "what a killed process left is removed");
 
     let directory = sweep(8);
     let mut both = ["1-24"; 2].map(|all| start(&directory, all));

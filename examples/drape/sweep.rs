@@ -1,7 +1,7 @@
 //! Sweeps: variants of a scene, each in a folder of its own that is complete or absent.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File as OsFile, TryLockError};
+use std::fs;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -153,28 +153,16 @@ impl Sweep {
         fs::create_dir_all(&out).map_err(|error| failed(&out, error))?;
         let folder = VariantFolder::of(&out, number);
         let is_done = || Receipt::in_folder(&folder.complete).is_some_and(|receipt| receipt.inputs == inputs);
-        let finished = |before: &str| {
-            // The lock of a finished variant is not needed; a killed process may have left it.
-            drop(fs::remove_file(&folder.lock));
-            Ok(format!("variant {number} is in {}{before}", folder.complete.display()))
-        };
+        let finished = |before: &str| format!("variant {number} is in {}{before}", folder.complete.display());
         if is_done() && folder.is_settled() {
-            return finished("");
+            return Ok(finished(""));
         }
-
-        // A killed process releases its lock, and the next one starts the variant again.
-        let lock = OsFile::create(&folder.lock).map_err(|error| failed(&folder.lock, error))?;
-        match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => {
-                return Err(Failure::input(format_args!("another process runs it ({} is locked)", folder.lock.display())));
-            }
-            Err(TryLockError::Error(error)) => return Err(failed(&folder.lock, error)),
-            Ok(()) => {}
-        }
-        folder.settle()?;
+        let lock = folder.lock();
+        // Another process may have made it meanwhile, or hold the lock for as long as it takes to find it complete.
         if is_done() {
-            return finished("");
+            return Ok(finished(""));
         }
+        let _lock = lock?;
         let before = folder.replaced()?;
         folder.begin()?;
         scene.outputs.move_into(&folder.partial);
@@ -189,7 +177,7 @@ impl Sweep {
         };
         receipt.write(&folder.partial)?;
         folder.finish()?;
-        finished(before)
+        Ok(finished(before))
     }
 
     /// The values of the keys in a variant, counted from 1; the last key changes fastest.

@@ -1,6 +1,6 @@
-//! The folder of a variant, which is complete or absent even if processes are killed.
+//! The folder of a variant, which is complete or absent even if processes are killed, and its lock.
 
-use std::fs;
+use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 
 use crate::Failure;
@@ -14,7 +14,59 @@ pub(crate) struct VariantFolder {
     pub(crate) partial: PathBuf,
     /// What was complete, until what replaces it is.
     old: PathBuf,
-    pub(crate) lock: PathBuf,
+    lock: PathBuf,
+}
+
+/// Held, it keeps other processes from making the variant. The file is removed only while it is held: without that, the next process
+/// could lock a new file of this name while another one still holds the old file.
+pub(crate) struct Lock {
+    path: PathBuf,
+    /// Closed, it is free.
+    _file: File,
+}
+
+impl Lock {
+    fn take(path: &Path) -> Result<Lock, Failure> {
+        loop {
+            let opened = OpenOptions::new().write(true).create(true).truncate(false).open(path);
+            let file = opened.map_err(|error| failed(path, error))?;
+            match file.try_lock() {
+                Err(TryLockError::WouldBlock) => {
+                    return Err(Failure::input(format_args!("another process runs it ({} is locked)", path.display())));
+                }
+                Err(TryLockError::Error(error)) => return Err(failed(path, error)),
+                Ok(()) if is_at(path, &file) => return Ok(Lock { path: path.to_owned(), _file: file }),
+                // Whoever held it removed it after it was opened here.
+                Ok(()) => {}
+            }
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // A lock file that stays is locked again by the next process.
+        _ = fs::remove_file(&self.path);
+    }
+}
+
+/// Whether a path leads to an open file.
+fn is_at(path: &Path, file: &File) -> bool {
+    let found = [fs::metadata(path), file.metadata()].map(|found| found.ok().map(|found| identity(&found)));
+    found[0].is_some() && found[0] == found[1]
+}
+
+/// What tells files apart.
+#[cfg(unix)]
+fn identity(found: &Metadata) -> impl PartialEq + use<> {
+    use std::os::unix::fs::MetadataExt;
+    (found.dev(), found.ino())
+}
+
+/// What tells apart files that are made one after another, and never written to.
+#[cfg(not(unix))]
+fn identity(found: &Metadata) -> impl PartialEq + use<> {
+    (found.created().ok(), found.modified().ok())
 }
 
 impl VariantFolder {
@@ -25,13 +77,20 @@ impl VariantFolder {
         VariantFolder { partial: hidden(""), old: hidden(".old"), lock: hidden(".lock"), complete: out.join(name) }
     }
 
-    /// Whether nothing is left of a variant that was replaced.
+    /// Whether no process makes the variant or was killed while it did.
     pub(crate) fn is_settled(&self) -> bool {
-        !self.old.exists()
+        !self.lock.exists() && !self.old.exists()
     }
 
-    /// Clears away what a process left that was killed while it replaced the variant. To be called under the lock.
-    pub(crate) fn settle(&self) -> Result<(), Failure> {
+    /// Keeps other processes from making the variant, and clears away what one left that was killed while it replaced it. A killed
+    /// process releases its lock.
+    pub(crate) fn lock(&self) -> Result<Lock, Failure> {
+        let lock = Lock::take(&self.lock)?;
+        self.settle()?;
+        Ok(lock)
+    }
+
+    fn settle(&self) -> Result<(), Failure> {
         // It was killed between the two renames.
         if self.old.exists() && !self.complete.exists() {
             return rename(&self.old, &self.complete);
