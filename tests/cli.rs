@@ -688,6 +688,31 @@ fn signals_leave_whole_files_only() {
     }
 }
 
+/// The pictures are drawn after the last frame, which may take longer than the run.
+#[cfg(unix)]
+#[test]
+fn a_signal_stops_the_drawing_of_pictures() {
+    use std::{
+        process::Stdio,
+        thread::sleep,
+        time::{Duration, Instant},
+    };
+
+    let directory = TempDir::new().unwrap();
+    Mesh::grid(3, 3, 1.0, 1.0).save_obj(directory.path().join("sheet.obj")).unwrap();
+    let arguments = ["sheet.obj", "--frames", "300", "--format", "pc2", "--report", "r.json", "--animate", "a.png"];
+    let child = drape(&directory, &arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let start = Instant::now();
+    while !directory.path().join("r.json").exists() {
+        assert!(start.elapsed() < Duration::from_secs(120), "no report after two minutes");
+        sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    fails(&output, 130, &["interrupted", "300 of 300 frames", "--animate"]);
+    assert_eq!(names(&directory), set(["frames", "r.json", "sheet.obj"]), "no animation, nor anything temporary");
+}
+
 /// A path given for a file may be a link to one, or not be a regular file.
 #[cfg(unix)]
 #[test]

@@ -7,7 +7,7 @@
 //! ```
 
 use std::fmt::Display;
-use std::process::ExitCode;
+use std::process::{self, ExitCode};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -102,8 +102,13 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let listen = || {
         let flag = Arc::clone(&interrupted);
-        ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-            .map_err(|error| Failure::input(format_args!("cannot listen for signals: {error}")))
+        // The first one is obeyed between two frames or pictures, which may take long; the second one at once.
+        let obey = move || {
+            if flag.swap(true, Ordering::Relaxed) {
+                process::exit(Failure::INTERRUPTED.into());
+            }
+        };
+        ctrlc::set_handler(obey).map_err(|error| Failure::input(format_args!("cannot listen for signals: {error}")))
     };
     if let Some(variants) = arguments.variant.clone() {
         let sweep = sweep::Sweep::read(arguments)?;

@@ -9,6 +9,7 @@ use std::{
 
 use cloth_deformer::{Attributes, Deformer, Measure, Mesh, ObjTemplate, StepError, Untangled};
 use indicatif::{ProgressBar, ProgressStyle};
+use png::EncodingError;
 
 use crate::{
     Failure,
@@ -135,15 +136,24 @@ pub(crate) fn play(
     if let Some(file) = report_file {
         file.write(&report.json()?)?;
     }
+    let drawn = |option, picture| drawn(option, picture, outputs.frames);
     if let Some(file) = preview_file {
-        let sheet = preview::contact_sheet(&cells, &shape.triangles, &scene.look);
-        file.write(&sheet.map_err(|error| Failure::input(format_args!("--preview: {error}")))?)?;
+        let sheet = preview::contact_sheet(&cells, &shape.triangles, &scene.look, interrupted);
+        file.write(&drawn("--preview", sheet)?)?;
     }
     if let Some(file) = animation_file {
-        let animation = preview::animation(&moving, &shape.triangles, &scene.look, dt * scene.animated_every() as f32);
-        file.write(&animation.map_err(|error| Failure::input(format_args!("--animate: {error}")))?)?;
+        let delay = dt * scene.animated_every() as f32;
+        let animation = preview::animation(&moving, &shape.triangles, &scene.look, delay, interrupted);
+        file.write(&drawn("--animate", animation)?)?;
     }
     Ok(report)
+}
+
+/// The file of a picture, unless it was interrupted.
+fn drawn(option: &str, picture: Result<Option<Vec<u8>>, EncodingError>, frames: u32) -> Result<Vec<u8>, Failure> {
+    let file = picture.map_err(|error| Failure::input(format_args!("{option}: {error}")))?;
+    let message = format_args!("interrupted: {frames} of {frames} frames written, but not the picture of {option}");
+    file.ok_or_else(|| Failure::new(Failure::INTERRUPTED, message))
 }
 
 /// Warns of normals that cannot be right when the cloth moves.

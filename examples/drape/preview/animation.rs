@@ -3,11 +3,13 @@
 //! All frames share a palette of 255 colors. Each frame contains only the rectangle that differs from the last one, and
 //! within it pixels that do not change are transparent. The file is a tenth of the size of one in full color.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use color_quant::NeuQuant;
 use rayon::prelude::*;
 
 use super::moment::Stage;
-use super::{Cell, Look};
+use super::{Cell, Look, each};
 
 /// Size of the picture (pixels).
 const SIZE: [usize; 2] = [480, 360];
@@ -18,14 +20,21 @@ const SAMPLED: usize = 37;
 /// A pixel keeps its last color if its squared distance in sRGB (0 to 255 per channel) to the new one is at most this.
 const NEAR: i32 = 40;
 
-/// Draws the frames. Returns an APNG file that repeats forever and shows each frame for `delay` seconds.
+/// Draws the frames. Returns an APNG file that repeats forever and shows each frame for `delay` seconds, or `None` if it was
+/// interrupted.
 ///
 /// # Errors
 /// If the PNG encoder fails, as it does without frames.
-pub(crate) fn animation(frames: &[Cell], triangles: &[[u32; 3]], look: &Look, delay: f32) -> Result<Vec<u8>, png::EncodingError> {
+pub(crate) fn animation(
+    frames: &[Cell],
+    triangles: &[[u32; 3]],
+    look: &Look,
+    delay: f32,
+    interrupted: &AtomicBool,
+) -> Result<Option<Vec<u8>>, png::EncodingError> {
     let [width, height] = SIZE;
     let stage = Stage::new(frames, triangles, look, SIZE);
-    let drawn: Vec<Vec<[u8; 3]>> = frames.par_iter().map(|cell| stage.draw(cell)).collect();
+    let Some(drawn) = each(frames, |cell| stage.draw(cell), interrupted) else { return Ok(None) };
     let palette = Palette::new(&drawn);
 
     let mut file = Vec::new();
@@ -43,6 +52,9 @@ pub(crate) fn animation(frames: &[Cell], triangles: &[[u32; 3]], look: &Look, de
     let mut writer = encoder.write_header()?;
     let mut shown: Vec<u8> = vec![STAYS; width * height];
     for pixels in &drawn {
+        if interrupted.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
         let changed = palette.change(&mut shown, pixels);
         let [columns, rows] = [0, 1].map(|axis| {
             let place = |index: usize| if axis == 0 { index % width } else { index / width };
@@ -58,7 +70,7 @@ pub(crate) fn animation(frames: &[Cell], triangles: &[[u32; 3]], look: &Look, de
         writer.write_image_data(&part)?;
     }
     writer.finish()?;
-    Ok(file)
+    Ok(Some(file))
 }
 
 /// 255 colors after the transparent one.

@@ -13,8 +13,11 @@ mod shapes;
 mod sheet;
 mod view;
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use cloth_deformer::glam::Vec3;
 use cloth_deformer::{Collider, UpAxis};
+use rayon::prelude::*;
 
 pub(crate) use animation::animation;
 pub(crate) use sheet::contact_sheet;
@@ -53,6 +56,11 @@ pub(crate) struct Piece {
 impl Look {
     /// The default colors: red, with a tan lining.
     pub(crate) const SIDES: [Vec3; 2] = [Vec3::new(0.62, 0.085, 0.055), Vec3::new(0.80, 0.48, 0.20)];
+}
+
+/// Draws each frame; `None` if it was interrupted.
+fn each<T: Send>(frames: &[Cell], draw: impl Fn(&Cell) -> T + Sync, interrupted: &AtomicBool) -> Option<Vec<T>> {
+    frames.par_iter().map(|cell| (!interrupted.load(Ordering::Relaxed)).then(|| draw(cell))).collect()
 }
 
 /// The default camera looks down from the right.

@@ -1,9 +1,9 @@
 //! A contact sheet: several frames in one picture.
 
-use rayon::prelude::*;
+use std::sync::atomic::AtomicBool;
 
 use super::moment::Stage;
-use super::{Cell, Look};
+use super::{Cell, Look, each};
 
 /// Size of a cell (pixels).
 const WIDTH: usize = 320;
@@ -15,18 +15,23 @@ const GAP: usize = 2;
 /// Color of the frame numbers (sRGB).
 const INK: [u8; 3] = [63, 69, 79];
 
-/// Draws each frame into a cell, row by row, four to a row. Returns a PNG file.
+/// Draws each frame into a cell, row by row, four to a row. Returns a PNG file, or `None` if it was interrupted.
 ///
 /// # Errors
 /// If the PNG encoder fails, as it does without frames.
-pub(crate) fn contact_sheet(frames: &[Cell], triangles: &[[u32; 3]], look: &Look) -> Result<Vec<u8>, png::EncodingError> {
+pub(crate) fn contact_sheet(
+    frames: &[Cell],
+    triangles: &[[u32; 3]],
+    look: &Look,
+    interrupted: &AtomicBool,
+) -> Result<Option<Vec<u8>>, png::EncodingError> {
     let stage = Stage::new(frames, triangles, look, [WIDTH, HEIGHT]);
     let draw = |cell: &Cell| {
         let mut pixels = stage.draw(cell);
         label(&mut pixels, cell.frame);
         pixels
     };
-    let cells: Vec<Vec<[u8; 3]>> = frames.par_iter().map(draw).collect();
+    let Some(cells) = each(frames, draw, interrupted) else { return Ok(None) };
 
     let columns = cells.len().min(COLUMNS);
     let rows = cells.len().div_ceil(COLUMNS);
@@ -47,7 +52,7 @@ pub(crate) fn contact_sheet(frames: &[Cell], triangles: &[[u32; 3]], look: &Look
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels.as_flattened())?;
     writer.finish()?;
-    Ok(file)
+    Ok(Some(file))
 }
 
 /// Draws a number into the upper left corner of a cell.
