@@ -124,6 +124,25 @@ fn normals_turn_with_the_cloth() {
     inner.for_each(|(normal, x)| assert!(normal.distance(x.with_z(0.0) / radius) < 1e-4, "{normal} at {x}"));
 }
 
+/// A normal that is none stays as it is, and the others turn. One may be continued on the next line, as a texture coordinate may.
+#[test]
+fn one_bad_normal_keeps_no_other_from_turning() {
+    for odd in ["nan 1 0", "0 1", "0 1.#QNAN 0", "0 1 \\"] {
+        let given = format!(
+            "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt 0 \\\n 0.5\nvn {odd}\nvn 0 \\\n1 \\\n 0\nf 1/1/1 2/1/2 3/1/-1 4/1/9\n"
+        );
+        let template = ObjTemplate::parse(given.as_bytes()).unwrap();
+        assert_eq!(template.texture_coordinates(), [Vec2::new(0.0, 0.5); 4]);
+        let turned: Vec<Vec3> = template.mesh().positions.iter().map(|x| Vec3::new(x.y, x.x, x.z)).collect();
+        let written = text(template.write(&turned).unwrap());
+        let normals: Vec<&str> = written.lines().filter(|line| line.starts_with("vn ")).collect();
+        assert_eq!(normals[0], format!("vn {odd}"));
+        let turned = normals[1].split(' ').skip(1).map(|word| word.parse().unwrap()).collect::<Vec<f32>>();
+        assert!(Vec3::from_slice(&turned).distance(-Vec3::X) < 1e-6, "{written}");
+        assert_eq!(lines(&given, &["v ", "vn ", "1 ", " 0"]), lines(&written, &["v ", "vn ", " 0"]));
+    }
+}
+
 /// A hard edge stays hard: two polygons with different normals at their common vertices.
 #[test]
 fn hard_edges_stay_hard_and_shared_normals_are_told() {

@@ -48,20 +48,24 @@ pub(super) struct Normals {
 }
 
 impl Normals {
-    /// `polygons` are the vertices of `faces`. Corners without a normal are skipped.
+    /// `polygons` are the vertices of `faces`. Corners without a normal are skipped, and so are those whose normal is `None`.
     pub(super) fn new(
         positions: &[Vec3],
-        normals: Vec<(Range<usize>, Vec3)>,
+        normals: Vec<Option<(Range<usize>, Vec3)>>,
         faces: &[Face<'_>],
         polygons: &[Vec<u32>],
     ) -> Normals {
-        let (places, given): (Vec<_>, Vec<Vec3>) = normals.into_iter().unzip();
+        // The index of each normal of the file among those that turn.
+        let mut next = 0..;
+        let turning: Vec<Option<u32>> = normals.iter().map(|normal| normal.as_ref().and_then(|_| next.next())).collect();
+        let (places, given): (Vec<_>, Vec<Vec3>) = normals.into_iter().flatten().unzip();
         let (mut corners, mut directions) = (Vec::new(), HashMap::new());
         let mut vertex_of = vec![u32::MAX; given.len()];
         let mut is_shared = false;
         for (index, (face, vertices)) in faces.iter().zip(polygons).enumerate() {
             for (&vertex, corner) in vertices.iter().zip(&face.corners) {
-                let Some(normal) = face.named(corner, 2, given.len()) else { continue };
+                let named = face.named(corner, 2, turning.len());
+                let Some(normal) = named.and_then(|normal| turning[normal as usize]) else { continue };
                 let last = std::mem::replace(&mut vertex_of[normal as usize], vertex);
                 is_shared |= last != u32::MAX && last != vertex;
                 let rounded = given[normal as usize].to_array().map(|x| (x / SAME).round() as i32);

@@ -21,7 +21,7 @@ use crate::model::mesh::Mesh;
 /// shared a normal still share one. If the file uses one normal at several vertices (exporters merge the equal normals
 /// of a flat sheet), it could only be right at each of them if faces referred to other normals. Faces are not changed,
 /// so such a normal becomes the mean; [`ObjTemplate::shares_normals`] tells. In that case recompute the normals in the
-/// program that reads the file, or export without normals.
+/// program that reads the file, or export without normals. A normal that is not three finite numbers stays as it is.
 ///
 /// ```
 /// use cloth_deformer::{ObjTemplate, glam::Vec3};
@@ -85,9 +85,7 @@ impl ObjTemplate {
         let coordinate = |face: &Face<'_>, corner: &str| texture[face.named(corner, 1, texture.len())? as usize];
         let corners = faces.iter().flat_map(|face| face.corners.iter().map(move |corner| (face, corner)));
         let of_corners: Option<Vec<Vec2>> = corners.map(|(face, corner)| coordinate(face, corner)).collect();
-        // A normal that is not three finite numbers leaves all normals unchanged.
-        let normals: Option<Vec<_>> = normals.into_iter().collect();
-        let normals = normals.filter(|normals| !normals.is_empty());
+        let normals = Some(normals).filter(|normals: &Vec<_>| normals.iter().any(Option::is_some));
         let normals = normals.map(|normals| Normals::new(&mesh.positions, normals, &faces, &polygons));
         Ok(ObjTemplate { bytes, mesh, polygons, texture: of_corners.unwrap_or_default(), vertices, normals })
     }

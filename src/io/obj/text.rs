@@ -18,22 +18,24 @@ impl<'a> Statement<'a> {
 
     /// Whether it says where cloth is.
     pub(super) fn is_of_mesh(&self) -> bool {
-        is_continued(self.keyword)
+        is_of_mesh(self.keyword)
     }
 
     /// Its words after the keyword.
     pub(super) fn words(&self) -> impl Iterator<Item = &'a str> + use<'a> {
-        let is_continued = is_continued(self.keyword);
-        let bare = self.text.lines().map(bare);
-        let words = bare.flat_map(move |line| if is_continued { uncontinued(line) } else { line }.split_whitespace());
-        words.skip(1)
+        self.text.lines().map(bare).flat_map(|line| uncontinued(line).split_whitespace()).skip(1)
     }
 }
 
-/// Whether statements with this keyword are continued by `\`. Others are not: a path or a comment may end in `\` and must not
-/// swallow the vertex on the next line.
-fn is_continued(keyword: &str) -> bool {
+fn is_of_mesh(keyword: &str) -> bool {
     matches!(keyword, "v" | "f")
+}
+
+/// Whether a statement with this keyword and a `\` at its end goes on in the next line. Texture coordinates and normals do only if
+/// numbers follow: a stray `\` must not swallow a vertex or a face. Statements with other keywords never go on, because a path or a
+/// comment may end in `\`.
+fn goes_on(keyword: &str, next: &str) -> bool {
+    is_of_mesh(keyword) || bare(next).split_whitespace().next().is_some_and(|word| word.parse::<f32>().is_ok())
 }
 
 /// A line without the `\` by which it is continued.
@@ -53,8 +55,9 @@ pub(super) fn statements(text: &str) -> impl Iterator<Item = Statement<'_>> {
             Some((line, number, keyword?))
         })?;
         let mut last = first;
-        while is_continued(keyword) && bare(last).ends_with('\\') {
-            let Some((next, _)) = lines.next() else { break };
+        while bare(last).ends_with('\\') {
+            let Some((next, _)) = lines.clone().next().filter(|(next, _)| goes_on(keyword, next)) else { break };
+            lines.next();
             last = next;
         }
         let text = &text[place(text, first).start..place(text, last).end];
