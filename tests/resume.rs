@@ -218,3 +218,28 @@ fn a_run_with_a_body_of_numbered_files_can_be_made_longer() {
     write(&longer, 3, 0.02);
     fails(&longer, &format!("{run} --frames 8 --resume run.save"), &["different", "colliders"]);
 }
+
+/// A USD without the texture coordinates that the input has is warned of: where a face has none, and of several cloths.
+#[test]
+fn a_usd_that_loses_its_texture_is_told_of() {
+    let directory = TempDir::new().unwrap();
+    let write = |name: &str, text: String| fs::write(directory.path().join(name), text).unwrap();
+    let sheet = "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 2 0 0\nv 2 0 1\nvt 0 0\nf 1/1 2/1 3/1 4/1\n";
+    write("whole.obj", format!("{sheet}f 2/1 5/1 6/1 3/1\n"));
+    write("part.obj", format!("{sheet}f 2 5 6 3\n"));
+    let cloths = ["[[cloth]]\nmesh = \"whole.obj\"", "[[cloth]]\nmesh = \"part.obj\"\nat = [0, 1, 0]"];
+    write("one.toml", cloths[0].to_owned());
+    write("two.toml", cloths.join("\n"));
+    let said = |arguments: &str| {
+        String::from_utf8(succeeds(&directory, &format!("{arguments} --frames 2 --out {}", arguments.len())).stderr).unwrap()
+    };
+    let warning = "the USD has no texture coordinates";
+    for arguments in ["whole.obj --format usda", "--scene one.toml --format usda", "part.obj", "--scene two.toml"] {
+        assert!(!said(arguments).contains(warning), "{arguments}");
+    }
+    for (arguments, why) in [("part.obj --format usda", "give a `vt`"), ("--scene two.toml --format obj,usda", "several cloths")]
+    {
+        let text = said(arguments);
+        assert!(text.contains(warning) && text.contains(why), "{arguments}: {text}");
+    }
+}

@@ -13,6 +13,7 @@ use png::EncodingError;
 
 use crate::{
     Failure,
+    arguments::Format,
     command::warn,
     frames::Frames,
     named,
@@ -35,7 +36,7 @@ pub(crate) fn play(
     listen: impl FnOnce() -> Result<(), Failure>,
     interrupted: &AtomicBool,
 ) -> Result<Report, Failure> {
-    let Scene { name, mesh, template, options, outputs, .. } = scene;
+    let Scene { mesh, template, options, outputs, .. } = scene;
     output::check_apart(outputs)?;
     let dt = scene.dt();
     let mut deformer = Deformer::new(mesh, options.clone()).map_err(|error| scene.not_built(&error))?;
@@ -64,7 +65,7 @@ pub(crate) fn play(
         report.frames = saved.frames;
         *warned.texts() = saved.warnings;
     }
-    check_normals(name, template.as_ref());
+    check_frames(scene);
     let progress = progress(quiet, u64::from(outputs.frames) + u64::from(scene.timeline.preroll));
     progress.set_position(done.map_or(0, |done| 1 + done.abs_diff(first)));
     let mut shape = mesh.clone();
@@ -156,11 +157,20 @@ fn drawn(option: &str, picture: Result<Option<Vec<u8>>, EncodingError>, frames: 
     file.ok_or_else(|| Failure::new(Failure::INTERRUPTED, message))
 }
 
-/// Warns of normals that cannot be right when the cloth moves.
-fn check_normals(name: &str, template: Option<&ObjTemplate>) {
-    if template.is_some_and(ObjTemplate::shares_normals) {
+/// Warns of what the frames cannot have as the input has it.
+fn check_frames(scene: &Scene) {
+    let Scene { name, template, outputs, .. } = scene;
+    if template.as_ref().is_some_and(ObjTemplate::shares_normals) {
         let message = "gives one normal to several vertices, which cannot turn with each; export it without normals";
         warn("warning", &format!("{name}: {message}"));
+    }
+    let texture = template.as_ref().map_or(&[][..], ObjTemplate::texture_coordinates);
+    if outputs.writes(Format::Usda) && scene.is_textured && texture.is_empty() {
+        let why = match template {
+            Some(_) => "some faces of the input have none; give a `vt` to every corner",
+            None => "it is of several cloths, whose polygons become triangles, too; run each by itself to keep them",
+        };
+        warn("warning", &format!("{name}: the USD has no texture coordinates, because {why}"));
     }
 }
 

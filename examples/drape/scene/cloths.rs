@@ -34,6 +34,8 @@ pub(super) struct Cloths {
     pub(super) mesh: Mesh,
     /// The file that the mesh was read from, if it is a single file.
     pub(super) template: Option<ObjTemplate>,
+    /// Whether any cloth has texture coordinates.
+    pub(super) is_textured: bool,
     /// The material of each cloth.
     pub(super) materials: Vec<Material>,
     pub(super) pins: Vec<Group>,
@@ -54,7 +56,9 @@ impl Cloths {
         let fabric = arguments.fabric.unwrap_or(Fabric::TOWEL);
         let materials = vec![Material { fabric, vertices: mesh.positions.len(), diagonals: Vec::new() }];
         doubt(&name, &mesh);
-        Ok(Cloths { name, mesh, template, materials, pins, pieces: Vec::new(), files: arguments.mesh.iter().cloned().collect() })
+        let is_textured = template.as_ref().is_some_and(ObjTemplate::is_textured);
+        let files = arguments.mesh.iter().cloned().collect();
+        Ok(Cloths { name, mesh, template, is_textured, materials, pins, pieces: Vec::new(), files })
     }
 
     /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, all
@@ -77,6 +81,7 @@ impl Cloths {
             name: source.name(),
             mesh: Mesh::default(),
             template: None,
+            is_textured: false,
             materials: Vec::new(),
             pins: Vec::new(),
             pieces: Vec::new(),
@@ -171,6 +176,7 @@ impl Cloths {
         self.pieces.push(Piece { end: self.mesh.positions.len() as u32, sides });
         self.mesh.triangles.extend(piece.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
         self.files.extend(obj);
+        self.is_textured |= template.as_ref().is_some_and(ObjTemplate::is_textured);
         self.template = template.filter(|_| number == 1);
         Ok(())
     }

@@ -49,6 +49,8 @@ pub(crate) struct Scene {
     pub(crate) mesh: Mesh,
     /// The file that the mesh was read from, if it is a single file.
     pub(crate) template: Option<ObjTemplate>,
+    /// Whether any cloth has texture coordinates.
+    pub(crate) is_textured: bool,
     pub(crate) options: Options,
     /// Whether cloth that crosses is separated, before the first frame and every 0.2 s later.
     pub(crate) untangle: bool,
@@ -79,7 +81,7 @@ impl Scene {
         let timeline = Timeline::of(arguments, scene)?;
         let gravity = gravity(arguments, scene, timeline)?;
         let up = UpAxis::of(gravity.at(timeline.moment(timeline.first())));
-        let Cloths { name, mesh, template, materials, pins, pieces, mut files } = match scene {
+        let Cloths { name, mesh, template, is_textured, materials, pins, pieces, mut files } = match scene {
             Some((source, file)) => Cloths::of_scene(arguments, source, file, timeline, up)?,
             None => Cloths::of_arguments(arguments, up)?,
         };
@@ -108,6 +110,7 @@ impl Scene {
             name,
             mesh,
             template,
+            is_textured,
             options,
             untangle,
             outputs: outputs(arguments, file, timeline, files)?,

@@ -37,6 +37,7 @@ pub struct ObjTemplate {
     mesh: Mesh,
     polygons: Vec<Vec<u32>>,
     texture: Vec<Vec2>,
+    is_textured: bool,
     /// The place in the file of the numbers of each `v`, and of each `vn`.
     vertices: Vec<Range<usize>>,
     normals: Option<Normals>,
@@ -84,10 +85,12 @@ impl ObjTemplate {
         }
         let coordinate = |face: &Face<'_>, corner: &str| texture[face.named(corner, 1, texture.len())? as usize];
         let corners = faces.iter().flat_map(|face| face.corners.iter().map(move |corner| (face, corner)));
-        let of_corners: Option<Vec<Vec2>> = corners.map(|(face, corner)| coordinate(face, corner)).collect();
+        let of_corners: Vec<Option<Vec2>> = corners.map(|(face, corner)| coordinate(face, corner)).collect();
+        let is_textured = of_corners.iter().any(Option::is_some);
+        let texture = of_corners.into_iter().collect::<Option<Vec<Vec2>>>().unwrap_or_default();
         let normals = Some(normals).filter(|normals: &Vec<_>| normals.iter().any(Option::is_some));
         let normals = normals.map(|normals| Normals::new(&mesh.positions, normals, &faces, &polygons));
-        Ok(ObjTemplate { bytes, mesh, polygons, texture: of_corners.unwrap_or_default(), vertices, normals })
+        Ok(ObjTemplate { bytes, mesh, polygons, texture, is_textured, vertices, normals })
     }
 
     /// The mesh as read from the file.
@@ -106,6 +109,12 @@ impl ObjTemplate {
     #[must_use]
     pub fn texture_coordinates(&self) -> &[Vec2] {
         &self.texture
+    }
+
+    /// Whether any corner has texture coordinates. If others have none, [`ObjTemplate::texture_coordinates`] is empty all the same.
+    #[must_use]
+    pub fn is_textured(&self) -> bool {
+        self.is_textured
     }
 
     /// Whether a normal is used at several vertices, and thus cannot be right at each of them when the cloth moves.
