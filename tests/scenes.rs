@@ -99,6 +99,18 @@ scale = [{ time = 0, value = [1, 1, 1] }, { time = 0.5, value = [1, 1, 0.5] }]
     }
 }
 
+/// A loop that does not close is at its beginning in each frame that is at a multiple of its period, however the times are rounded.
+#[test]
+fn a_loop_begins_anew_in_its_frame() {
+    let text = "[[cloth.pin]]\nrule = \"top\"\nmove = { loop = true, keys = [{ time = 0, value = [0, 0, 0] }, { time = 0.1, value = [0, 0.05, 0] }] }\n";
+    let (directory, output) = scene(&(SHEET.to_owned() + text), &["--frames", "61"]);
+    succeeds(&output);
+    for number in 1..=61 {
+        let (x, goal) = (frame(&directory, number)[0].y, 0.05 / 6.0 * ((number - 1) % 6) as f32);
+        assert!((x - goal).abs() < 1e-6, "frame {number}: {x} m and not {goal}");
+    }
+}
+
 /// Smooth keys are passed through, between two of them values stay, and the velocity does not jump, also where a loop goes on. With
 /// linear keys it does.
 #[test]

@@ -7,6 +7,9 @@ use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, MapAccess, SeqAcce
 use super::timeline::Moment;
 use super::values::{Interpolated, checked, maybe, plain};
 
+/// A loop begins anew in a frame that is at most so long (s) before its end: the times of frames are rounded.
+const NEAR: f64 = 1e-9;
+
 /// Keys are taken to be at least so far apart (s) in the slopes of smooth curves, which are then finite.
 const SHORTEST: f64 = 1e-100;
 
@@ -143,8 +146,8 @@ impl<T: Interpolated> Animated<T> {
         if !self.repeats || time < first || last <= first {
             return (time, 0.0);
         }
-        let rounds = ((time - first) / (last - first)).floor();
-        (time - rounds * (last - first), rounds)
+        let rounds = ((time + NEAR - first) / (last - first)).floor();
+        ((time - rounds * (last - first)).clamp(first, last), rounds)
     }
 
     fn from_keys<E: Error>(keys: Vec<Key<T>>, repeats: bool) -> Result<Animated<T>, E> {
