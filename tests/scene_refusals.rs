@@ -167,15 +167,15 @@ fn what_a_run_refuses_is_said_where_it_was_given() {
 #[test]
 fn a_mesh_in_centimeters_is_told_of_and_scaled() {
     let directory = TempDir::new().unwrap();
-    Mesh::grid(3, 3, 120.0, 120.0).save_obj(directory.path().join("m.obj")).unwrap();
+    Mesh::grid(3, 3, 70.0, 70.0).save_obj(directory.path().join("m.obj")).unwrap();
     let large = run(&directory, &["m.obj", "--frames", "1", "--quiet"]);
     succeeds(&large);
-    assert!(stderr(&large).contains("120 m across") && stderr(&large).contains("--scale"), "{}", stderr(&large));
+    assert!(stderr(&large).contains("70 m across") && stderr(&large).contains("--scale"), "{}", stderr(&large));
     let scaled = run(&directory, &["m.obj", "--frames", "1", "--quiet", "--scale", "0.01"]);
     succeeds(&scaled);
     assert_eq!(stderr(&scaled), "");
     let frame = Mesh::load_obj(directory.path().join("frames/frame_0001.obj")).unwrap();
-    assert!((frame.positions[0].x + 0.6).abs() < 1e-6);
+    assert!((frame.positions[0].x + 0.35).abs() < 1e-6);
 }
 
 /// A percentage for a share, and cloth that begins inside a collider, run, but are told of. Pins may be inside.

@@ -22,8 +22,8 @@ use crate::preview::{Look, Piece, linear};
 const MOST: u64 = 1 << 24;
 /// Largest coordinate of a vertex (m).
 const FARTHEST: f32 = 1e15;
-/// A cloth of this size (m) is probably given in centimeters.
-const LARGE: f32 = 100.0;
+/// A cloth of this size (m) is probably given in centimeters: as a garment is of 70, while few sails are as large.
+const LARGE: f32 = 20.0;
 /// At this many of its sizes from the origin, the positions of a cloth are rounded to a thousandth of that size.
 const FAR: f32 = 1e4;
 
