@@ -688,6 +688,17 @@ fn signals_leave_whole_files_only() {
     }
 }
 
+/// Before the preroll, which may take long.
+#[test]
+fn frames_that_cannot_be_written_are_found_at_once() {
+    let directory = TempDir::new().unwrap();
+    fs::create_dir_all(directory.path().join("frames/frame_0001.obj")).unwrap();
+    let arguments = ["--frames", "3", "--preroll", "0.1", "--save", "run.save", "--every", "1"];
+    fails(&run(&directory, &arguments), 2, &["frame_0001.obj", "cannot", "another --out"]);
+    assert_eq!(names(&directory), set(["frames"]), "no step was taken");
+    assert_eq!(names(directory.path().join("frames")), set(["frame_0001.obj"]));
+}
+
 /// The pictures are drawn after the last frame, which may take longer than the run.
 #[cfg(unix)]
 #[test]

@@ -34,7 +34,7 @@ pub(crate) fn cache_name(format: Format) -> Option<&'static str> {
 }
 
 impl<'a> Frames<'a> {
-    /// Begins all caches. Fails if one cannot be written, or if the folder has frames of a longer run, which would look
+    /// Begins all caches. Fails if one or the first frame cannot be written, or if the folder has frames of a longer run, which would look
     /// like a part of this one.
     pub(crate) fn begin(
         outputs: &'a Outputs,
@@ -55,6 +55,9 @@ impl<'a> Frames<'a> {
                 path.display()
             );
             return Err(Failure::input(message));
+        }
+        if outputs.writes(Format::Obj) {
+            output::check_folder(out)?;
         }
         let named = outputs.formats.iter().filter_map(|&format| Some(("--format", format, out.join(cache_name(format)?))));
         let mut named: Vec<(&str, Format, PathBuf)> = named.collect();

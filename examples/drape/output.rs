@@ -65,6 +65,19 @@ impl Output {
     }
 }
 
+/// Fails now if the first frame could not be written to a folder later. A pipe or a device there is not opened, which may wait or have
+/// an effect.
+pub(crate) fn check_folder(folder: &Path) -> Result<(), Failure> {
+    let path = folder.join(frame_name(1));
+    if fs::metadata(&path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+        return Ok(());
+    }
+    let made = AtomicFile::create(&path).map(drop);
+    made.map_err(|error| {
+        Failure::input(format_args!("cannot write {}: {error}; use another --out, or make it writable", path.display()))
+    })
+}
+
 /// Fails if a file at this path could not be replaced.
 pub(crate) fn check(path: &Path) -> Result<(), Failure> {
     if path.file_name().is_none() {
