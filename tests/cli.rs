@@ -364,7 +364,7 @@ fn pins_hold_what_they_name() {
     assert_eq!(held(&["--pin", "5,0"]), [0, 5]);
 }
 
-/// Frames of an earlier run do not follow on those of one that fails. If that fails before its first frame, they stay.
+/// Frames of an earlier run do not follow on those of one that fails, and its report and pictures do not lie beside them. If that fails before its first frame, they stay.
 #[test]
 fn a_failed_run_leaves_no_frames_of_an_earlier_one() {
     let directory = TempDir::new().unwrap();
@@ -374,12 +374,16 @@ fn a_failed_run_leaves_no_frames_of_an_earlier_one() {
         names.sort();
         names
     };
-    succeeds(&run(&directory, &["--frames", "9", "--format", "obj,pc2", "--quiet"]));
+    let outputs = ["--format", "obj,pc2", "--report", "r.json", "--preview", "p.png", "--animate", "a.png"];
+    let usual = [&["--frames", "9", "--quiet"], &outputs[..]].concat();
+    succeeds(&run(&directory, &usual));
     assert_eq!(frames().len(), 10);
-    let wild = ["--frames", "9", "--format", "obj,pc2", "--method", "springs", "--substeps", "1", "--fabric", "denim", "--quiet"];
+    let wild = [&usual[..], &["--method", "springs", "--substeps", "1", "--fabric", "denim"]].concat();
     fails(&run(&directory, &[&wild[..], &["--preroll", "1"]].concat()), 3, &["preroll", "unstable"]);
     assert_eq!(frames().len(), 10);
+    assert_eq!(names(&directory), set(["a.png", "frames", "p.png", "r.json"]));
     fails(&run(&directory, &wild), 3, &["unstable"]);
+    assert_eq!(names(&directory), set(["frames"]), "neither report nor pictures of the earlier run");
     assert!(
         frames().len() < 9 && frames().iter().all(|name| Path::new(name).extension().is_some_and(|extension| extension == "obj")),
         "{:?}",

@@ -19,7 +19,7 @@ pub(crate) struct Frames<'a> {
     template: Option<&'a ObjTemplate>,
     /// The caches, each with the option that asked for it.
     caches: Vec<(&'static str, PointCache)>,
-    /// The paths of caches of an earlier run, until the first frame is written.
+    /// The paths of what an earlier run may have written besides its frames, until the first frame is written.
     replaced: Option<Vec<PathBuf>>,
 }
 
@@ -63,7 +63,9 @@ impl<'a> Frames<'a> {
         let mut named: Vec<(&str, Format, PathBuf)> = named.collect();
         named.extend(outputs.pc2.iter().map(|path| ("--pc2", Format::Pc2, path.clone())));
         let fps = outputs.fps;
-        let replaced = Some(named.iter().map(|(_, _, path)| path.clone()).collect());
+        let Outputs { report, preview, animation, .. } = outputs;
+        let besides = [report, preview, animation].into_iter().flatten();
+        let replaced = Some(named.iter().map(|(_, _, path)| path).chain(besides).cloned().collect());
         let mut caches = Vec::new();
         for (option, format, path) in named {
             let form = match format {
@@ -90,8 +92,8 @@ impl<'a> Frames<'a> {
 
     /// Writes a frame to all files.
     pub(crate) fn write(&mut self, frame: u32, shape: &Mesh) -> Result<(), Failure> {
-        if let Some(caches) = self.replaced.take() {
-            self.remove_from(frame, caches)?;
+        if let Some(besides) = self.replaced.take() {
+            self.remove_from(frame, besides)?;
         }
         if self.outputs.writes(Format::Obj) {
             let path = self.outputs.folder.join(frame_name(frame));
@@ -104,12 +106,12 @@ impl<'a> Frames<'a> {
         self.cache(&shape.positions)
     }
 
-    /// Removes the caches of an earlier run, and its frames from this one on: if this run fails later, it must not seem to go on with
-    /// them. Links, pipes and devices stay, because they are written to.
-    fn remove_from(&self, first: u32, caches: Vec<PathBuf>) -> Result<(), Failure> {
+    /// Removes the caches, the report and the pictures of an earlier run, and its frames from this one on: if this run fails later, it
+    /// must not seem to go on with them, or to be what they tell of. Links, pipes and devices stay, because they are written to.
+    fn remove_from(&self, first: u32, besides: Vec<PathBuf>) -> Result<(), Failure> {
         let Outputs { folder, .. } = self.outputs;
         let frames = frames_in(folder).filter(|&frame| self.outputs.writes(Format::Obj) && frame >= first);
-        let old: Vec<PathBuf> = frames.map(|frame| folder.join(frame_name(frame))).chain(caches).collect();
+        let old: Vec<PathBuf> = frames.map(|frame| folder.join(frame_name(frame))).chain(besides).collect();
         for path in old.iter().filter(|path| fs::symlink_metadata(path).is_ok_and(|found| found.is_file())) {
             fs::remove_file(path).map_err(|error| {
                 Failure::input(format_args!("cannot replace {}: {error}; remove it, or use another --out", path.display()))
