@@ -692,6 +692,26 @@ fn signals_leave_whole_files_only() {
     }
 }
 
+/// What a killed process left unfinished is removed by the next run into its folder; what one that runs writes is not.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_a_killed_run_left_is_removed() {
+    let directory = TempDir::new().unwrap();
+    let mut ended = Command::new("true").spawn().unwrap();
+    let gone = ended.id();
+    assert!(ended.wait().unwrap().success());
+    let name = |process: u32| format!(".cloth-deformer-{process}-7.tmp");
+    let kept = [name(std::process::id()), ".cloth-deformer-x.tmp".to_owned()];
+    fs::create_dir(directory.path().join("frames")).unwrap();
+    for name in kept.iter().chain(&[name(gone)]) {
+        fs::write(directory.path().join("frames").join(name), "v 0 0").unwrap();
+    }
+    succeeds(&run(&directory, &["--frames", "2"]));
+    let mut expected = frames(2);
+    expected.extend(kept);
+    assert_eq!(names(directory.path().join("frames")), expected);
+}
+
 /// Before the preroll, which may take long.
 #[test]
 fn frames_that_cannot_be_written_are_found_at_once() {

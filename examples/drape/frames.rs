@@ -46,6 +46,7 @@ impl<'a> Frames<'a> {
         fs::create_dir_all(out).map_err(|error| {
             Failure::input(format_args!("--out {}: {error}; name a directory that can be made", out.display()))
         })?;
+        output::remove_unfinished(out);
         if outputs.writes(Format::Obj)
             && let Some(frame) = frames_in(out).max().filter(|&frame| frame > outputs.frames)
         {

@@ -9,7 +9,7 @@ use std::{
 };
 
 use crate::{Failure, arguments::Format, frames::cache_name};
-use atomic_file::AtomicFile;
+use atomic_file::{AtomicFile, UNFINISHED};
 
 // The library's own module: links are followed, and a pipe or a device is written to, not replaced.
 #[expect(dead_code, reason = "the library writes all at once as well")]
@@ -63,6 +63,27 @@ impl Output {
         let written = self.file.write_all(bytes).and_then(|()| self.file.finish());
         written.map_err(|error| unwritable(&self.path, error))
     }
+}
+
+/// Removes from the folder of the frames what killed processes left unfinished. Elsewhere, a process of another machine may be writing,
+/// whose id tells nothing here; to this folder two may not write at once.
+pub(crate) fn remove_unfinished(folder: &Path) {
+    for path in fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()) {
+        if path.file_name().and_then(OsStr::to_str).and_then(writer).is_some_and(is_gone) {
+            // It is in the way of nothing.
+            _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// The process that writes to an unfinished file of this name.
+fn writer(name: &str) -> Option<u32> {
+    name.strip_prefix(UNFINISHED)?.strip_suffix(".tmp")?.split_once('-')?.0.parse().ok()
+}
+
+/// Whether a process has ended. Only where that is known: on Linux.
+fn is_gone(process: u32) -> bool {
+    Path::new("/proc/self").exists() && !Path::new("/proc").join(process.to_string()).exists()
 }
 
 /// Fails now if the first frame could not be written to a folder later. A pipe or a device there is not opened, which may wait or have

@@ -7,6 +7,9 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
+/// How the name of an unfinished file begins. The id of the process that writes it follows, `-`, and more.
+pub(crate) const UNFINISHED: &str = ".cloth-deformer-";
+
 /// Writes `bytes` to `path`, completely or not at all: on an error, whatever was at `path` is unchanged.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = AtomicFile::create(path)?;
@@ -98,7 +101,7 @@ impl Drop for AtomicFile {
 fn sibling(target: &Path) -> io::Result<(File, PathBuf)> {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     loop {
-        let name = format!(".cloth-deformer-{}-{}.tmp", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
+        let name = format!("{UNFINISHED}{}-{}.tmp", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
         let path = target.with_file_name(name);
         match OpenOptions::new().write(true).create_new(true).open(&path) {
             // Left behind by a killed process with the same process id.
