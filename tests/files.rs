@@ -33,6 +33,27 @@ fn other_encodings_are_harmless_in_names_only() {
     assert!(matches!(Mesh::load_obj(&path), Err(ObjError::Vertex { line: 1, vertex: 1, .. })));
 }
 
+/// What a text editor may have made of it is named, instead of what is not found in it.
+#[test]
+fn other_encodings_of_lines_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("towel.obj");
+    let text = "# towel\nv 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n";
+    let of_units = |bytes: fn(u16) -> [u8; 2]| text.encode_utf16().flat_map(bytes).collect::<Vec<u8>>();
+    for (bytes, words) in [
+        (of_units(u16::to_le_bytes), "UTF-16 has; save it in UTF-8"),
+        (of_units(u16::to_be_bytes), "UTF-16 has; save it in UTF-8"),
+        (text.replace('\n', "\r").into_bytes(), "carriage returns alone; save it with line feeds"),
+        (text["# towel\n".len()..].replace('\n', "\r").into_bytes(), "carriage returns alone; save it with line feeds"),
+    ] {
+        fs::write(&path, bytes).unwrap();
+        let message = Mesh::load_obj(&path).unwrap_err().to_string();
+        assert!(message.contains("towel.obj: it") && message.contains(words), "{message}");
+    }
+    fs::write(&path, "v 0 0 0\r").unwrap();
+    assert_eq!(Mesh::load_obj(&path).unwrap().positions, [Vec3::ZERO]);
+}
+
 /// A file beyond the size limit is refused without being read.
 #[cfg(unix)]
 #[test]

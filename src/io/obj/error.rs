@@ -41,6 +41,14 @@ pub enum ObjError {
         /// The error of the operating system.
         reason: io::Error,
     },
+    /// The text is not in lines of UTF-8.
+    #[error("{}{problem}", Location(.file.as_ref(), None))]
+    Text {
+        /// The file, if the text was read from one.
+        file: Option<PathBuf>,
+        /// What it seems to be in, and what to do.
+        problem: &'static str,
+    },
     /// The text has no vertex.
     #[error("{}no vertices; give at least one line `v x y z`", Location(.file.as_ref(), None))]
     NoVertices {

@@ -60,7 +60,7 @@ impl Mesh {
     ///
     /// # Errors
     /// If there is no vertex, a position is not three finite numbers, or a face has fewer than three corners or refers
-    /// to a vertex that does not exist. Nothing is repaired.
+    /// to a vertex that does not exist; if the text seems to be UTF-16, or has no line feeds. Nothing is repaired.
     pub fn parse_obj(text: &str) -> Result<Mesh, ObjError> {
         parse(text, None)
     }
@@ -90,8 +90,14 @@ impl Mesh {
 
 pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     let file = file.map(Path::to_owned);
+    if !text.contains('\n') && text.trim_end().contains('\r') {
+        return Err(ObjError::Text { file, problem: "its lines end in carriage returns alone; save it with line feeds" });
+    }
     // The statements are found twice, because a list of them would be longer than the text.
     let vertices = statements(text).filter(Statement::is_vertex).take(MAX_VERTICES + 1).count();
+    if vertices == 0 && text.contains('\0') {
+        return Err(ObjError::Text { file, problem: "it has zero bytes, as a text in UTF-16 has; save it in UTF-8" });
+    }
     if vertices == 0 {
         return Err(ObjError::NoVertices { file });
     }
