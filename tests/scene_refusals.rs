@@ -146,7 +146,10 @@ fn a_wrong_number_is_said_with_its_key() {
 fn what_a_run_refuses_is_said_where_it_was_given() {
     let ball = "[[collider]]\nshape = \"sphere\"\ncenter = [0, -9, 0]\n";
     let named = ball.replace("shape", "name = \"ball\"\nshape");
+    let pins = "[[cloth.pin]]\nvertices = [0, 1]\n[[cloth.pin]]\nname = \"hem\"\nvertices = [7, 8]\n";
+    let led = format!("{pins}move = [{{ time = 0, value = [0, 0, 0] }}, {{ time = 0.01, value = [1e16, 0, 0] }}]");
     for (more, words) in [
+        (led, ["s.toml:7: hem: frame 2: `move` = [1", "1e15 m"]),
         (format!("{ball}radius = 1e16"), ["s.toml:5: collider 1: frame 1: `radius` = 1", "at most 1e15 m"]),
         (format!("{ball}radius = 1\n{named}radius = 1e16"), ["s.toml:9: ball: frame 1: `radius` = 1", "at most 1e15 m"]),
         ("[wind]\nvelocity = [1e20, 0, 0]".to_owned(), ["s.toml:5: wind: frame 1: `velocity` = [1", "within 1e15 m/s"]),

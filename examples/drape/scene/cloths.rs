@@ -39,6 +39,8 @@ pub(super) struct Cloths {
     /// The material of each cloth.
     pub(super) materials: Vec<Material>,
     pub(super) pins: Vec<Group>,
+    /// Where each pin of a scene file was given.
+    pub(super) pin_places: Vec<String>,
     /// The colors of each cloth.
     pub(super) pieces: Vec<Piece>,
     /// Files that were read. Outputs must not overwrite them, and the receipt names them.
@@ -58,7 +60,8 @@ impl Cloths {
         doubt(&name, &mesh);
         let is_textured = template.as_ref().is_some_and(ObjTemplate::is_textured);
         let files = arguments.mesh.iter().cloned().collect();
-        Ok(Cloths { name, mesh, template, is_textured, materials, pins, pieces: Vec::new(), files })
+        let (pin_places, pieces) = (Vec::new(), Vec::new());
+        Ok(Cloths { name, mesh, template, is_textured, materials, pins, pin_places, pieces, files })
     }
 
     /// The cloths of a scene file. The command line may replace the mesh if there is only one cloth, all scales, all
@@ -84,6 +87,7 @@ impl Cloths {
             is_textured: false,
             materials: Vec::new(),
             pins: Vec::new(),
+            pin_places: Vec::new(),
             pieces: Vec::new(),
             files: Vec::new(),
         };
@@ -152,6 +156,7 @@ impl Cloths {
                     }
                 }
                 self.pins.push(group);
+                self.pin_places.push(format!("{}: {}", source.place(pin.span().start), pin.get_ref().called(number + 1)));
             }
         }
         let fabric = arguments.fabric.or(cloth.fabric).unwrap_or(Fabric::TOWEL);

@@ -81,13 +81,17 @@ impl Scene {
         let timeline = Timeline::of(arguments, scene)?;
         let gravity = gravity(arguments, scene, timeline)?;
         let up = UpAxis::of(gravity.at(timeline.moment(timeline.first())));
-        let Cloths { name, mesh, template, is_textured, materials, pins, pieces, mut files } = match scene {
+        let Cloths { name, mesh, template, is_textured, materials, pins, pin_places, pieces, mut files } = match scene {
             Some((source, file)) => Cloths::of_scene(arguments, source, file, timeline, up)?,
             None => Cloths::of_arguments(arguments, up)?,
         };
         files.extend(arguments.scene.clone());
         let (of_colliders, colliders): (_, Vec<Moving>) = colliders(arguments, scene, &mesh, timeline, up)?.into_iter().unzip();
-        let places = Places::of(arguments, scene, of_colliders);
+        let ends = pins.iter().scan(0, |end, group| {
+            *end += group.vertices.len();
+            Some(*end)
+        });
+        let places = Places::of(arguments, scene, of_colliders, ends.zip(pin_places).collect());
         files.extend(colliders.iter().flat_map(Moving::files).cloned());
         let wind = wind(arguments, scene, timeline)?;
         let backend = arguments.backend.or(file.backend).unwrap_or_default();

@@ -15,6 +15,13 @@ use crate::pins::{Pin, bounds};
 /// Largest difference per channel between colors that count as equal.
 const SAME_COLOR: f32 = 0.02;
 
+impl file::Pin {
+    /// Its name in messages, if it is the pin of its cloth with this number from 1.
+    pub(super) fn called(&self, number: usize) -> String {
+        self.name.clone().unwrap_or_else(|| format!("pin {number}"))
+    }
+}
+
 /// Pinned vertices that move together.
 #[derive(Debug)]
 pub(super) struct Group {
@@ -48,8 +55,8 @@ impl Group {
         timeline: Timeline,
         up: UpAxis,
     ) -> Result<Group, Failure> {
-        let file::Pin { name, rule, vertices, color, within, by, rotate, scale, about } = given.get_ref();
-        let name = name.clone().unwrap_or_else(|| format!("pin {number}"));
+        let file::Pin { name: _, rule, vertices, color, within, by, rotate, scale, about } = given.get_ref();
+        let name = given.get_ref().called(number);
         let wrong = |what: String| source.wrong_in(given, format_args!("{name}: {what}"));
         let chosen: Vec<u32> = match (rule, vertices, color, within) {
             (Some(Rule::Top), None, None, None) => Pin::Top.vertices(piece, up),

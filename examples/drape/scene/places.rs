@@ -15,10 +15,17 @@ pub(super) struct Places {
     /// The first cloth, whose fabric is the one that others are given by factors on.
     cloth: Option<String>,
     colliders: Vec<String>,
+    /// Each pin, after the number of pinned vertices up to its last one.
+    pins: Vec<(usize, String)>,
 }
 
 impl Places {
-    pub(super) fn of(arguments: &Arguments, scene: Option<(&Source, &File)>, colliders: Vec<String>) -> Places {
+    pub(super) fn of(
+        arguments: &Arguments,
+        scene: Option<(&Source, &File)>,
+        colliders: Vec<String>,
+        pins: Vec<(usize, String)>,
+    ) -> Places {
         fn place<T>(source: &Source, given: &Spanned<T>, what: &str) -> String {
             format!("{}: {what}", source.place(given.span().start))
         }
@@ -32,6 +39,7 @@ impl Places {
             wind: or(arguments.wind.is_some(), "--wind", wind),
             cloth,
             colliders,
+            pins,
         }
     }
 
@@ -41,16 +49,17 @@ impl Places {
             let (number, key) = name.strip_prefix("colliders[")?.split_once("].")?;
             Some((self.colliders.get(number.parse::<usize>().ok()?)?.clone(), key))
         };
-        let of_pin = || Some(name.strip_prefix("pin_targets[")?.strip_suffix(']')?.parse::<usize>().ok()? + 1);
+        let of_pin = || {
+            let vertex = name.strip_prefix("pin_targets[")?.strip_suffix(']')?.parse::<usize>().ok()?;
+            let (_, place) = self.pins.iter().find(|&&(end, _)| vertex < end)?;
+            Some((place.clone(), "move"))
+        };
         match name {
             "gravity" => (self.gravity.clone(), "gravity"),
             "wind" => (self.wind.clone(), "velocity"),
             "air_density" => (self.wind.clone(), "density"),
             "drag" | "lift" | "damping" => (self.wind.clone(), name),
-            _ => match of_pin() {
-                Some(pin) => (format!("pin {pin}"), "move"),
-                None => of_collider().unwrap_or(("the scene".to_owned(), name)),
-            },
+            _ => of_pin().or_else(of_collider).unwrap_or(("the scene".to_owned(), name)),
         }
     }
 }
