@@ -405,6 +405,7 @@ fn what_cannot_be_varied_is_refused() {
         ("[[vary]]\nkey = \"frames\"\nvalues = [3]\n[[vary]]\nkey = \"frames\"\nvalues = [3]", &["s.toml:4", "twice"]),
         ("[[vary]]\nkey = \"wind.speed\"\nvalues = [3]", &["s.toml:1", "`wind`"]),
         ("[[vary]]\nkey = \"cloth.2.scale\"\nvalues = [3]", &["s.toml:1", "`2`"]),
+        ("[[vary]]\nkey = \"cloth.1\"\nvalues = [3]", &["s.toml:1", "cloth.1 is all of", "cloth.1.name"]),
         ("[[vary]]\nkey = \"frames\"\nfirst = 1\ncount = 4000000", &["s.toml:1", "1000000"]),
         ("[[vary]]\nkey = \"frames\"\nfirst = 1\ncount = 4000000000", &["s.toml:1", "1000000"]),
         ("[[vary]]\nkey = \"farmes\"\nvalues = [3]", &["farmes = 3", "unknown"]),

@@ -240,7 +240,9 @@ fn set(table: &mut Table, path: &str, value: &Value) -> Result<(), String> {
         at = match at.get_mut(word) {
             Some(Value::Table(inner)) => inner,
             Some(Value::Array(list)) => {
-                let item = words.next().unwrap_or_default();
+                let Some(item) = words.next() else {
+                    return Err(format!("{path} is all of an item of a list; name a key of it, as in {path}.name"));
+                };
                 if list.iter().filter(|one| is_named(one, item)).count() > 1 {
                     return Err(format!("{path}: more than one `{word}` is called `{item}`; give its number from 1"));
                 }
