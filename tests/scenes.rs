@@ -595,7 +595,7 @@ fn a_scene_is_tuned() {
     let missed = String::from_utf8(output.stdout).unwrap();
     assert!(missed.contains("No setting kept") && !text.contains("No setting kept"), "{missed}");
     for (arguments, words) in [
-        (&["--tune", "10mm", "--fps", "30"][..], &["--tune", "60 frames per second"][..]),
+        (&["--tune", "10mm", "--fps", "30"][..], &["--tune", "60 frames per second", "leave out --fps"][..]),
         (&["--tune", "10mm", "--frames", "1"], &["frames", "at least 3"]),
         (&["--tune", "10mm", "--frames", "2"], &["frames", "at least 3"]),
         (&["--tune", "10 miles"], &["--tune", "10mm"]),

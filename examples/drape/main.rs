@@ -134,7 +134,7 @@ fn tune(scene: &Scene, tolerance: Tolerance) -> Result<(), Failure> {
     }
     if scene.untangle || scene.dt() != 1.0 / 60.0 {
         return Err(Failure::input(
-            "--tune needs 60 frames per second and a start without untangling; change these in the scene",
+            "--tune needs 60 frames per second and a start without untangling; leave out --fps and --untangle, or `fps` and `untangle` in the scene",
         ));
     }
     // No step leads to the first frame. The preroll is a part of the motion.
