@@ -643,6 +643,9 @@ fn a_body_comes_from_numbered_files() {
     let written = |folder: &str| fs::read(directory.path().join(folder).join("frame_0024.obj")).unwrap();
     assert!(written("told") == written("frames"));
     fails(&run(&directory, &["sheet.obj", "--body", "body_##.obj", "--frames", "25"]), 2, &["body_25.obj"]);
+    // A file may have `#` in its name, even apart.
+    fs::copy(directory.path().join("body_01.obj"), directory.path().join("b#1#.obj")).unwrap();
+    succeeds(&run(&directory, &["sheet.obj", "--body", "b#1#.obj", "--no-floor", "--frames", "2", "--out", "named", "--quiet"]));
     // The name of a folder has no frame numbers.
     fs::create_dir(directory.path().join("C#")).unwrap();
     ["C#/body.obj", "C#/body_1.obj", "C#/body_2.obj"].iter().for_each(|name| write(name, -0.06, false));

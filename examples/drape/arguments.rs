@@ -152,8 +152,8 @@ pub(crate) struct Arguments {
     #[arg(long = "box", value_name = "X,Y,Z,W,H,D[,R]", value_parser = solid_box, allow_hyphen_values = true)]
     pub(crate) solid_box: Vec<Collider>,
 
-    /// A mesh collider, which holds cloth on both sides; may be repeated. With `####` in its name, numbered files, one
-    /// for each frame from 1 on, between which its vertices move in straight lines
+    /// A mesh collider, which holds cloth on both sides; may be repeated. With `####` in its name, unless that is
+    /// the name of a file, numbered files, one for each frame from 1 on, between which its vertices move in straight lines
     #[arg(long, value_name = "FILE.obj")]
     pub(crate) body: Vec<PathBuf>,
 

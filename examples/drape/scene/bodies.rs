@@ -22,7 +22,7 @@ pub(super) struct Body {
 }
 
 impl Body {
-    /// Reads one file; or, if its name contains `#`, numbered files, one for the frame at each of `times` (s). Before,
+    /// Reads one file; or, if its name contains `#` and is not that of a file, numbered files, one for the frame at each of `times` (s). Before,
     /// reads that of the start of the preroll, if any.
     pub(super) fn load(
         path: &Path,
@@ -32,7 +32,7 @@ impl Body {
     ) -> Result<Body, Failure> {
         // A folder may have a `#` in its name.
         let pattern = path.file_name().unwrap_or_default().to_string_lossy();
-        let digits = pattern.matches('#').count();
+        let digits = if path.is_file() { 0 } else { pattern.matches('#').count() };
         let marks = "#".repeat(digits);
         if !pattern.contains(&marks) {
             return Err(Failure::input(format_args!(
