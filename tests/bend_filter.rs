@@ -4,11 +4,14 @@
 mod common;
 
 use cloth_deformer::glam::{DVec3, Vec3};
-use cloth_deformer::{Attributes, Backend, Deformer, Fabric, Mesh, Options, Quality};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality};
 use common::energy::{energy, masses};
 use common::{FRAME, meshes, reference};
 
 const DENSITY: f64 = 0.2;
+
+/// The most that a mode is kicked by at fewer than 12 substeps in 1/60 s.
+const KICK: f64 = 0.2;
 
 /// The stability limit of the given number of passes, and what they make of a mode with `z = h² lambda`, from Chebyshev
 /// polynomials.
@@ -17,11 +20,11 @@ fn chebyshev(passes: i32) -> (f64, impl Fn(f64) -> f64) {
     let theta = 3.0_f64.acosh() / s;
     let (w0, w1) = (theta.cosh(), theta.sinh() / (2.0_f64.sqrt() * s));
     let kick = move |z: f64| {
-        let t = w0 - w1 * z;
+        let t = w0 - w1 * 2.0 * z / KICK;
         let value = if t > 1.0 { (s * t.acosh()).cosh() } else { (s * t.clamp(-1.0, 1.0).acos()).cos() };
-        1.5 * (1.0 - value / 3.0)
+        0.5 * KICK * 1.5 * (1.0 - value / 3.0)
     };
-    ((w0 + 1.0) / w1, kick)
+    (0.5 * KICK * (w0 + 1.0) / w1, kick)
 }
 
 /// A cloth whose edges are all scaled to 0, so that bending is the only force; and its masses (kg).
@@ -74,8 +77,7 @@ fn a_wave_is_kicked_by_chebyshevs_polynomial(backend: Backend) {
     }
 }
 
-/// On any mesh including its borders, no shape is kicked by more than twice itself, which leapfrog tolerates with room
-/// for the edges.
+/// On any mesh including its borders, no shape is kicked by more than a fifth of itself.
 #[test]
 fn no_shape_is_kicked_too_far() {
     let n = 17;
@@ -95,7 +97,10 @@ fn no_shape_is_kicked_too_far() {
                 heights = next;
             }
             println!("mesh {index}, B = {bending}: kicked by {largest:.4} of itself");
-            assert!((0.9..=2.01).contains(&largest), "mesh {index}, B = {bending}: kicked by {largest} of itself");
+            assert!(
+                (0.45 * KICK..=1.005 * KICK).contains(&largest),
+                "mesh {index}, B = {bending}: kicked by {largest} of itself"
+            );
         }
     }
 }
@@ -140,6 +145,32 @@ fn cotton_hung_by_two_corners_is_smooth_and_still() {
         let bent = curvature(n as usize, 0.0052, cloth.positions().unwrap());
         println!("tau = {damping}: curvature {bent:.3} 1/m, {speed:.5} m/s (RMS)");
         assert!(bent <= 4.0 && speed <= 0.01, "tau = {damping}: curvature {bent} 1/m, {speed} m/s");
+    }
+}
+
+/// Sheets that have fallen on the floor on an edge and crumpled come to rest, however few the substeps. Folds that are kicked across a
+/// part of an edge in a substep would drive the edges, and these the folds: at up to 1.2 m/s (RMS) here.
+#[test]
+fn crumpled_cloth_comes_to_rest_at_few_substeps() {
+    let side = 0.3;
+    let on_edge = |mesh: Mesh| {
+        let wavy = |x: &Vec3| side * Vec3::new(x.x, 0.1 - x.z, 0.02 * x.x + 0.05 * (9.0 * x.z).sin());
+        Mesh { positions: mesh.positions.iter().map(wavy).collect(), triangles: mesh.triangles }
+    };
+    let scene = Attributes { colliders: vec![Collider::plane(Vec3::Y * -0.35, Vec3::Y)], ..Attributes::default() };
+    for (name, mesh) in [("grid", on_edge(Mesh::grid(40, 40, 1.0, 1.0))), ("delaunay", on_edge(meshes::delaunay(40, 1)))] {
+        for fabric in [Fabric::TOWEL, Fabric::COTTON] {
+            for substeps in [5, 10, 14] {
+                let options =
+                    Options { backend: Backend::Cpu, quality: Quality::Substeps(substeps), fabric, ..Options::default() };
+                let mut cloth = Deformer::new(&mesh, options).unwrap();
+                (0..600).for_each(|_| drop(cloth.step(FRAME, &scene).unwrap()));
+                let velocities = cloth.velocities().unwrap();
+                let speed = velocities.iter().map(|v| v.as_dvec3().length_squared()).sum::<f64>() / velocities.len() as f64;
+                println!("{name}, rigidity {}, {substeps} substeps: {:.5} m/s (RMS)", fabric.bending, speed.sqrt());
+                assert!(speed.sqrt() < 0.03, "{name}, rigidity {}, {substeps} substeps: {} m/s", fabric.bending, speed.sqrt());
+            }
+        }
     }
 }
 

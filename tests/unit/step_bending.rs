@@ -10,14 +10,20 @@ fn sheet() -> (Cloth, Vec<Vec4>) {
     (cloth, rest)
 }
 
+/// With a retardation time of `tau` (s), at 20 substeps in 1/60 s.
+fn bound(tau: f64) -> Bound {
+    Bound { kick: most_kicked(1.0 / 1200.0), damped: tau > 0.0 }
+}
+
 /// A single pass leaves the moments unchanged and has the stability limit of leapfrog; two passes have more than three
 /// times that limit.
 #[test]
 fn the_first_pass_of_one_is_the_moment_itself() {
-    assert_eq!(filter(1, 1e-3)[0].gain, 1.0);
-    assert_eq!([limit(1, false), limit(1, true)], [2.0, 1.0]);
+    let [plain, damped] = [false, true].map(|damped| Bound { kick: 2.0, damped });
+    assert_eq!(filter(1, 1e-3, 2.0)[0].gain, 1.0);
+    assert_eq!([plain.limit(1), damped.limit(1)], [2.0, 1.0]);
     for (count, table) in [(2, 6.83), (3, 14.9), (4, 26.1), (6, 58.0), (8, 103.0), (12, 231.0), (16, 411.0)] {
-        assert!((limit(count, true) / table - 1.0).abs() < 5e-3, "{count}: {}", limit(count, true));
+        assert!((damped.limit(count) / table - 1.0).abs() < 5e-3, "{count}: {}", damped.limit(count));
     }
 }
 
@@ -37,13 +43,13 @@ fn the_fewest_passes_carry_the_rows() {
             let full: Vec<f64> = cloth.bending().weight.iter().map(|weight| bending * weight).collect();
             let worst =
                 |stiffness: &[f64]| cloth.bending().bounds(&rest, stiffness).into_iter().map(|g| h * h * g).fold(0.0, f64::max);
-            assert!(worst(&stiffness) <= limit(count, tau > 0.0) * (1.0 + 1e-6), "B = {bending}: {}", worst(&stiffness));
+            assert!(worst(&stiffness) <= bound(tau).limit(count) * (1.0 + 1e-6), "B = {bending}: {}", worst(&stiffness));
             let plain = BendRows::new(cloth.bending(), &rest, [bending, tau], [h, h], false);
             assert!(plain.passes.is_empty() && plain.limited >= limited);
             if count == 1 {
                 assert_eq!(plain.rows, rows);
             } else {
-                assert!(worst(&full) > limit(count - 1, tau > 0.0), "B = {bending}: {count} passes are too many");
+                assert!(worst(&full) > bound(tau).limit(count - 1), "B = {bending}: {count} passes are too many");
             }
             // Softening is reported only if it takes more than a twentieth.
             let share = stiffness.iter().sum::<f64>() / full.iter().sum::<f64>();
@@ -77,7 +83,7 @@ fn shorter_substeps_keep_the_rigidity_and_carry_it() {
                 assert!(rows.iter().zip(&of_all.rows).all(|(row, other)| row.stiffness == other.stiffness));
                 let stiffness: Vec<f64> = rows.iter().map(|row| f64::from(row.stiffness)).collect();
                 let worst = cloth.bending().bounds(&cloth.rest, &stiffness).into_iter().map(|g| h * h * g).fold(0.0, f64::max);
-                let most = limit(count, tau > 0.0);
+                let most = bound(tau).limit(count);
                 assert!(
                     worst <= most * (1.0 + 1e-6),
                     "B = {bending}, {shorter}: {worst} with {count} passes, which carry {most}"
