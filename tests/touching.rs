@@ -5,6 +5,8 @@
 #[macro_use]
 mod common;
 
+use std::sync::Arc;
+
 use cloth_deformer::glam::{DQuat, DVec3, EulerRot, Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, StepReport, Warning};
 use common::FRAME;
@@ -200,6 +202,28 @@ fn exact_crossings_are_untangled_and_touches_are_not() {
 
 /// The poles of a ball whose vertices are not welded are many vertices in one place. If they are pinned, vertices near them
 /// touch what cannot move.
+/// What counts as touching depends on rounding, and so on how far from the origin cloth is, but not on how large a landscape is around
+/// it; and nothing is moved apart by more than a share of its edges.
+#[test]
+fn fine_cloth_is_not_torn_apart_where_coordinates_are_large() {
+    let mut sheet = sheet(10);
+    sheet.positions.iter_mut().for_each(|x| *x *= 0.1);
+    let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
+    let ground = corners.map(|[x, z]| Vec3::new(1e3 * x, -0.5, 1e3 * z)).to_vec();
+    let landscape = Collider::mesh(Arc::new(Mesh { positions: ground, triangles: vec![[0, 1, 2], [0, 2, 3]] }));
+    for (colliders, away) in [(vec![landscape], Vec3::ZERO), (vec![], Vec3::new(2e3, 1.0, 0.0)), (vec![], Vec3::Y * 4e3)] {
+        let mut cloth = deformer(Backend::Cpu, &sheet);
+        let moved: Vec<Vec3> = sheet.positions.iter().map(|x| *x + away).collect();
+        cloth.set_state(&moved, &vec![Vec3::ZERO; moved.len()]).unwrap();
+        cloth.step(FRAME, &Attributes { colliders, ..Attributes::default() }).unwrap();
+        let x = cloth.positions().unwrap();
+        let length = |[a, b]: [u32; 2], x: &[Vec3]| x[a as usize].distance(x[b as usize]);
+        let longest = sheet.edges().into_iter().map(|edge| length(edge, x) / length(edge, &moved)).fold(0.0, f32::max);
+        println!("at {away}: an edge is longer by the factor {longest}");
+        assert!(longest < 1.1, "at {away}: an edge is longer by the factor {longest}");
+    }
+}
+
 #[test]
 fn pins_that_touch_each_other_move_nothing_else() {
     let mesh = ball(Vec3::ZERO, 0.15, 9);

@@ -179,7 +179,8 @@ pub enum Tethers {
 /// cloth until no room is left, they pass through it. Such crossings, and those of the start, are reported
 /// ([`Warning::Crossings`], [`Warning::BodyCrossings`]), and contact ignores what crosses until it has separated;
 /// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand. What merely touches at the start does not
-/// cross: features closer than a ten-thousandth of the thickness, or than rounding, are moved apart by some micrometers.
+/// cross: features closer than a ten-thousandth of the thickness, or than rounding, are moved apart by some micrometers, or sixteen times
+/// the rounding.
 ///
 /// Flat cloth slides over cloth and mesh colliders as its friction says, also by several times the thickness in a substep.
 #[derive(Debug, Clone, Copy, PartialEq)]

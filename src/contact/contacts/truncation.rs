@@ -205,5 +205,9 @@ impl Loop for Shares<'_> {
                 found.passed.push(places[lane]);
             }
         }
+        // Which block a pair is in depends on what happened before, and so must not what a snapshot goes on with: sums of floats depend
+        // on their order.
+        found.beyond.sort_unstable_by_key(|(place, by)| (*place, by.to_array().map(f32::to_bits)));
+        found.passed.sort_unstable();
     }
 }

@@ -16,6 +16,8 @@ use crate::model::mesh::along;
 /// The distance (m) of what was moved apart, in units of the distance that counts as touching: so much that single
 /// precision knows the direction, also between large triangles.
 const GAP: f64 = 16.0;
+/// The same distance is at most this share of the shorter edge.
+const SHORT: f64 = 0.1;
 /// Most rounds of moves.
 const ROUNDS: usize = 50;
 /// Least sum of squared weights of the vertices of a pair that may move. If the closest points are all but pinned, the others
@@ -30,6 +32,8 @@ struct Pair {
     corners: [u32; 4],
     weights: [f64; 4],
     normal: DVec3,
+    /// How far apart (m) they are to be.
+    gap: f64,
 }
 
 /// Moves apart what touches. Returns the vertices that move, with their new positions (m).
@@ -51,14 +55,14 @@ pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
     pairs.retain(|pair| !pair.corners.iter().any(|vertex| of_crossings.contains(vertex)));
     for _ in 0..ROUNDS {
         let mut is_apart = true;
-        for Pair { corners, weights, normal } in &pairs {
+        for &Pair { corners, weights, normal, gap } in &pairs {
             let share = corners.map(|vertex| f64::from(features.x[vertex as usize].w > 0.0));
             let distance: f64 =
-                corners.iter().zip(weights).map(|(&vertex, weight)| weight * x[vertex as usize].dot(*normal)).sum();
+                corners.iter().zip(weights).map(|(&vertex, weight)| weight * x[vertex as usize].dot(normal)).sum();
             let sum: f64 = weights.iter().zip(share).map(|(weight, share)| share * weight * weight).sum();
             if distance < gap && sum > 0.0 {
                 is_apart &= distance > 0.9 * gap;
-                let along = *normal * ((gap - distance) / sum.max(MIN_SUM));
+                let along = normal * ((gap - distance) / sum.max(MIN_SUM));
                 corners
                     .iter()
                     .zip(weights)
@@ -88,17 +92,22 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
     let of_edges: Vec<Span> = edges.iter().map(|ends| box_around(&ends.map(at), 0.5 * reach)).collect();
     let of_triangles: Vec<Span> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
     let mut room = ROOM * triangles.len();
-    let pair = |corners: [u32; 4], weights: [f64; 4]| {
+    // A share of the shortest edge, so that far from the origin, where rounding is coarse, fine cloth is not torn apart.
+    let gap_of = |shortest: f64| reach.min((SHORT * shortest).max(GAP * features.share_of_thickness()));
+    let pair = |corners: [u32; 4], weights: [f64; 4], shortest: f64| {
         let apart: DVec3 = corners.iter().zip(weights).map(|(&vertex, weight)| at(vertex) * weight).sum();
-        (apart.length() < reach).then(|| Pair { corners, weights, normal: apart.normalize_or_zero() })
+        let gap = gap_of(shortest);
+        (apart.length() < gap).then(|| Pair { corners, weights, normal: apart.normalize_or_zero(), gap })
     };
     let of_vertex = |vertex: usize, triangle: usize| {
         let (vertex, [a, b, c]) = (vertices[vertex], triangles[triangle]);
         if !may_collide(vertex, a) || [a, b, c].contains(&vertex) {
             return None;
         }
-        let [of_a, of_b, of_c] = nearest(at(vertex), [a, b, c].map(at));
-        pair([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c])
+        let [p, q, r] = [a, b, c].map(at);
+        let [of_a, of_b, of_c] = nearest(at(vertex), [p, q, r]);
+        let shortest = p.distance(q).min(q.distance(r)).min(r.distance(p));
+        pair([vertex, a, b, c], [1.0, -of_a, -of_b, -of_c], shortest)
     };
     let of_two_edges = |one: usize, other: usize| {
         let ([a, b], [c, d]) = (edges[one], edges[other]);
@@ -106,7 +115,8 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
             return None;
         }
         let [s, t] = closest([at(a), at(b)], [at(c), at(d)]);
-        pair([a, b, c, d], [1.0 - s, s, t - 1.0, -t])
+        let shortest = at(a).distance(at(b)).min(at(c).distance(at(d)));
+        pair([a, b, c, d], [1.0 - s, s, t - 1.0, -t], shortest)
     };
     let mut search = |one: &[Span], other: &[Span], pair: &(dyn Fn(usize, usize) -> Option<Pair> + Sync)| {
         let found = overlaps(one, other, &mut room, features.is_shared, &|a, b| pair(a, b).is_some());

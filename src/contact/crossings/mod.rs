@@ -40,14 +40,22 @@ pub(crate) struct Features<'a> {
 }
 
 impl Features<'_> {
-    /// The distance (m) below which features touch: a small share of the thickness, or what rounding may be.
+    /// The distance (m) below which features touch: a small share of the thickness, or what rounding may be, which is that of the
+    /// cloth. A mesh collider may be as large as a landscape.
     pub(crate) fn touching(&self) -> f64 {
-        (TOUCH_SHARE * f64::from(self.thickness)).max(ROUNDING * self.extent())
+        let of_cloth = self.extent(|vertex| (vertex as usize) < self.cloth_vertices);
+        self.share_of_thickness().max(ROUNDING * of_cloth)
     }
 
-    fn extent(&self) -> f64 {
+    /// The distance (m) below which features touch where rounding is no matter.
+    fn share_of_thickness(&self) -> f64 {
+        TOUCH_SHARE * f64::from(self.thickness)
+    }
+
+    /// The largest coordinate (m) of a corner of any triangle whose vertices count.
+    fn extent(&self, counts: impl Fn(u32) -> bool) -> f64 {
         let largest = |all: f32, &vertex: &u32| all.max(self.x[vertex as usize].truncate().abs().max_element());
-        f64::from(self.triangles.iter().flatten().fold(0.0, largest))
+        f64::from(self.triangles.iter().flatten().filter(|&&vertex| counts(vertex)).fold(0.0, largest))
     }
 
     /// Whether boxes around an edge and a triangle that may meet overlap or touch. Where none do, nothing intersects.
@@ -74,7 +82,7 @@ impl Features<'_> {
             let [a, b, c] = corners.map(|vertex| x[vertex as usize]);
             corners.iter().for_each(|&vertex| normals[vertex as usize] += (b - a).cross(c - a));
         }
-        let (extent, count) = (self.extent(), self.cloth_vertices.max(1) as f64);
+        let (extent, count) = (self.extent(|_| true), self.cloth_vertices.max(1) as f64);
         for (vertex, (x, normal)) in x.iter_mut().zip(&mut normals).enumerate() {
             *normal = normal.normalize_or_zero();
             let share = if vertex < self.cloth_vertices { 2.0 - vertex as f64 / count } else { 3.0 };
