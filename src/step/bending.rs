@@ -25,8 +25,8 @@
 //! Leapfrog alone would bear `P < 4`. But a short fold that is kicked by a good part of an edge's length makes its edges push back
 //! just as far, along directions that are those of the substep's start, and folds and edges drive each other for ever. What decides is
 //! how far a substep kicks: at 20 substeps in 1/60 s cloth on the floor lay still with `P <= 2`, at 5 and 10 it trembled at .1 to 1 m/s
-//! (`crumpled_cloth_comes_to_rest_at_few_substeps`). So with fewer than 20 the largest kick is less, `p` ([`most_kicked`]): the
-//! polynomial is `p/2 P(2 z/p)`, for which `b_k` is larger by the factor `2/p`. It reaches `p/2` times as far.
+//! (`crumpled_cloth_comes_to_rest_at_few_substeps`). So with fewer than 20 the largest kick of what can crumple is less, `p`
+//! ([`most_kicked`]): the polynomial is `p/2 P(2 z/p)`, for which `b_k` is larger by the factor `2/p`. It reaches `p/2` times as far.
 //!
 //! `Q` is a constant symmetric matrix acting on rows, so the filtered moments conserve linear and angular momentum and
 //! have an energy, `y.Q y/2`.
@@ -39,7 +39,8 @@ use glam::Vec4;
 
 use crate::kernels::bending::{BendPass, BendRow};
 use crate::model::bending::Bending;
-use crate::step::substep_count::SIXTIETHS;
+use crate::model::cloth::Cloth;
+use crate::step::substep_count::{SIXTIETHS, STANDARD_GRAVITY};
 
 /// Maximum number of passes.
 pub(crate) const MAX_PASSES: usize = 16;
@@ -75,7 +76,7 @@ impl BendRows {
     /// As much of the rigidity is left as is stable at the `softest` substep (s), the longest one so far. Otherwise bent cloth
     /// would stiffen, and gain energy, whenever substeps become shorter (`benches/results/quality.md`).
     ///
-    /// If `filtered`, takes as many passes as keep 95 % of the vertices stable at full rigidity, at most 16; otherwise
+    /// With a largest `kick` takes as many passes as keep 95 % of the vertices stable at full rigidity, at most 16; otherwise
     /// one. Where that is not enough the rigidity is lowered, in the energy of rows rather than in the response of
     /// vertices, so that momentum is conserved.
     pub(crate) fn new(
@@ -83,14 +84,14 @@ impl BendRows {
         rest: &[Vec4],
         [rigidity, tau]: [f64; 2],
         [h, softest]: [f64; 2],
-        filtered: bool,
+        kick: Option<f64>,
     ) -> BendRows {
         let full: Vec<f64> = bending.weight.iter().map(|weight| rigidity * weight).collect();
-        let bound = Bound { kick: if filtered { most_kicked(softest) } else { 2.0 }, damped: tau > 0.0 };
+        let bound = Bound { kick: kick.unwrap_or(2.0), damped: tau > 0.0 };
         // The bound `h² g` on each vertex's eigenvalue (Gershgorin).
         let reached =
             |stiffness: &[f64], h: f64| bending.bounds(rest, stiffness).into_iter().map(|g| h * h * g).collect::<Vec<f64>>();
-        let count = |needed: &[f64]| if filtered { bound.passes(needed) } else { 1 };
+        let count = |needed: &[f64]| if kick.is_some() { bound.passes(needed) } else { 1 };
         let needed = reached(&full, softest);
         let most_passes = count(&needed);
         let most = bound.limit(most_passes);
@@ -127,17 +128,22 @@ impl BendRows {
     }
 }
 
-/// The most that a mode may be kicked by in place of `z`, in substeps of `h` (s).
+/// The most that a mode of a cloth may be kicked by in place of `z`, in substeps of `h` (s).
 ///
 /// Crumpled cloth of skirts, ribbons and squares with edges of 4 to 25 mm trembled at 5 and 10 substeps in 1/60 s with the bounds 2 and 1,
-/// at up to a tenth of that with 0.5, and lay still but for some mm/s with 0.25; at 20 it lay still with 2.
-fn most_kicked(h: f64) -> f64 {
-    let substeps = 1.0 / (SIXTIETHS * h);
+/// at up to a tenth of that with 0.5, and lay still but for some mm/s with 0.25; at 20 it lay still with 2. What is too stiff to crumple
+/// keeps the bound of 2, because a smaller one softens waves of medium length, too: with 0.2 a stiff cantilever of 17 vertices sags by 1 %
+/// too much at 10 substeps, and by 5 % at 5.
+pub(crate) fn most_kicked(cloth: &Cloth, rigidity: f64, h: f64) -> f64 {
+    let weight = cloth.density * STANDARD_GRAVITY * cloth.extent.powi(3);
+    let substeps = if weight > CRUMPLES * rigidity { 1.0 / (SIXTIETHS * h) } else { STILL };
     (2.0 * (substeps / STILL).powi(4)).clamp(0.2, 2.0)
 }
 
 /// Substeps in 1/60 s from which no kick that leapfrog tolerates makes cloth tremble.
 const STILL: f64 = 20.0;
+/// Cloth crumples under its weight if its bending length, `(B/(rho g))^(1/3)`, is less than a tenth of its size.
+const CRUMPLES: f64 = 1e3;
 
 /// What bounds the eigenvalues `h² lambda`.
 #[derive(Debug, Clone, Copy)]

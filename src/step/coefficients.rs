@@ -8,7 +8,7 @@ use crate::model::link::Link;
 use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
-use crate::step::bending::BendRows;
+use crate::step::bending::{BendRows, most_kicked};
 use crate::step::substep_count::{Length, ONE_WAY, SIXTIETHS, STANDARD_GRAVITY, softening};
 use crate::step::watch::TRANSIENT;
 
@@ -68,7 +68,8 @@ impl Coefficients {
         let fabric = options.fabric;
         let bending = if fabric.bending > 0.0 {
             let [rigidity, tau, h, softest] = [fabric.bending, fabric.damping, length.longest_h, length.softest_h].map(f64::from);
-            BendRows::new(cloth.bending(), &cloth.rest, [rigidity, tau], [h, softest], options.method == Method::SmallSteps)
+            let kick = (options.method == Method::SmallSteps).then(|| most_kicked(cloth, rigidity, softest));
+            BendRows::new(cloth.bending(), &cloth.rest, [rigidity, tau], [h, softest], kick)
         } else {
             BendRows::default()
         };
