@@ -22,8 +22,8 @@ pub(super) struct Body {
 }
 
 impl Body {
-    /// Reads one file; or, if its name contains `#` and is not that of a file, numbered files, one for the frame at each of `times` (s). Before,
-    /// reads that of the start of the preroll, if any.
+    /// Reads one file; or, if its name contains `#` and is not that of a file, numbered files, one for the frame at each of
+    /// `times` (s). Before, reads that of the start of the preroll, if any.
     pub(super) fn load(
         path: &Path,
         start: Option<&Path>,

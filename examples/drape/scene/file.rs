@@ -290,7 +290,8 @@ pub(crate) struct Collider {
     pub(crate) half: Option<Animated<Extent>>,
     /// Rotation of a box (degrees) about x, then y, then z.
     pub(crate) rotate: Option<Animated<Vec3>>,
-    /// The OBJ file of a mesh collider; with `####` in its name, unless that is the name of a file, numbered files, one for each frame from 1 on.
+    /// The OBJ file of a mesh collider; with `####` in its name, unless that is the name of a file, numbered files, one for each
+    /// frame from 1 on.
     pub(crate) mesh: Option<Spanned<PathBuf>>,
     /// The OBJ file of a mesh collider at the start of the preroll. Its shape at frame 1.
     pub(crate) start: Option<Spanned<PathBuf>>,
