@@ -10,44 +10,45 @@ use common::{FRAME, meshes, reference};
 
 const DENSITY: f64 = 0.2;
 
-/// The most that a mode is kicked by at fewer than 12 substeps in 1/60 s.
-const KICK: f64 = 0.2;
+/// The most that a mode is kicked by at fewer than 12 substeps in 1/60 s, and at 20 and more.
+const FEW: (u32, f64) = (1, 0.2);
+const MANY: (u32, f64) = (20, 2.0);
 
-/// The stability limit of the given number of passes, and what they make of a mode with `z = h² lambda`, from Chebyshev
-/// polynomials.
-fn chebyshev(passes: i32) -> (f64, impl Fn(f64) -> f64) {
+/// The stability limit of the given number of passes, and what they make of a mode with `z = h² lambda`, which they kick by at most
+/// `most`, from Chebyshev polynomials.
+fn chebyshev(passes: i32, most: f64) -> (f64, impl Fn(f64) -> f64) {
     let s = f64::from(passes);
     let theta = 3.0_f64.acosh() / s;
     let (w0, w1) = (theta.cosh(), theta.sinh() / (2.0_f64.sqrt() * s));
     let kick = move |z: f64| {
-        let t = w0 - w1 * 2.0 * z / KICK;
+        let t = w0 - w1 * 2.0 * z / most;
         let value = if t > 1.0 { (s * t.acosh()).cosh() } else { (s * t.clamp(-1.0, 1.0).acos()).cos() };
-        0.5 * KICK * 1.5 * (1.0 - value / 3.0)
+        0.5 * most * 1.5 * (1.0 - value / 3.0)
     };
-    (0.5 * KICK * (w0 + 1.0) / w1, kick)
+    (0.5 * most * (w0 + 1.0) / w1, kick)
 }
 
 /// A cloth whose edges are all scaled to 0, so that bending is the only force; and its masses (kg).
-fn of_rows_alone(backend: Backend, mesh: &Mesh, bending: f64) -> (Deformer, Vec<f64>) {
+fn of_rows_alone(backend: Backend, mesh: &Mesh, bending: f64, substeps: u32) -> (Deformer, Vec<f64>) {
     let masses = masses(mesh, DENSITY as f32);
     let options = Options {
         backend,
         fabric: Fabric { density: DENSITY as f32, stretch: 1.0, bending: bending as f32, damping: 0.0 },
         edge_scale: Some(vec![0.0; mesh.edges().len()]),
         mass: Some(masses.clone()),
-        quality: Quality::Substeps(1),
+        quality: Quality::Substeps(substeps),
         ..Options::default()
     };
     (Deformer::new(mesh, options).unwrap(), masses.into_iter().map(f64::from).collect())
 }
 
-/// By how much bending lowers given heights (m) above the flat mesh in a substep of 1/60 s from rest, times two because
+/// By how much bending lowers given heights (m) above the flat mesh in a substep of `h` (s) from rest, times two because
 /// the first kick lasts half a substep.
-fn kicked(cloth: &mut Deformer, mesh: &Mesh, heights: &[f64]) -> Vec<f64> {
+fn kicked(cloth: &mut Deformer, mesh: &Mesh, heights: &[f64], h: f32) -> Vec<f64> {
     let raised: Vec<Vec3> = mesh.positions.iter().zip(heights).map(|(x, &y)| Vec3::new(x.x, y as f32, x.z)).collect();
     cloth.set_state(&raised, &vec![Vec3::ZERO; raised.len()]).unwrap();
-    cloth.step(FRAME, &Attributes { gravity: Vec3::ZERO, ..Attributes::default() }).unwrap();
-    cloth.velocities().unwrap().iter().map(|v| -2.0 * f64::from(v.y * FRAME)).collect()
+    cloth.step(h, &Attributes { gravity: Vec3::ZERO, ..Attributes::default() }).unwrap();
+    cloth.velocities().unwrap().iter().map(|v| -2.0 * f64::from(v.y * h)).collect()
 }
 
 /// In the middle of a grid, a wave is kicked by `P(z)` for any number of passes, because they do not reach to the
@@ -57,13 +58,14 @@ fn a_wave_is_kicked_by_chebyshevs_polynomial(backend: Backend) {
     let mesh = Mesh::grid(n, n, 1.0, 1.0);
     let (cell, middle) = (1.0 / f64::from(n - 1), f64::from(n / 2));
     let all: &[i32] = if backend == Backend::Cpu { &[2, 3, 4, 5, 6, 8, 11, 13, 16] } else { &[2, 5, 16] };
-    for &passes in all {
-        let (most, kick) = chebyshev(passes);
+    for ((substeps, largest), &passes) in [FEW, MANY].into_iter().flat_map(|few| all.iter().map(move |passes| (few, passes))) {
+        let (most, kick) = chebyshev(passes, largest);
+        let h = FRAME / substeps as f32;
         // At 0.95 of the limit of this many passes, fewer would not suffice.
         let stiffest = 0.95 * most;
-        let bending = stiffest * DENSITY * cell.powi(4) / (64.0 * f64::from(FRAME).powi(2));
-        let (mut cloth, _) = of_rows_alone(backend, &mesh, bending);
-        assert_eq!(cloth.forecast(FRAME, &Attributes::default()).unwrap().warnings, [], "the whole rigidity acts");
+        let bending = stiffest * DENSITY * cell.powi(4) / (64.0 * f64::from(h).powi(2));
+        let (mut cloth, _) = of_rows_alone(backend, &mesh, bending, substeps);
+        assert_eq!(cloth.forecast(h, &Attributes::default()).unwrap().warnings, [], "the whole rigidity acts");
         for [along, across] in [[0.1, 0.0], [0.25, 0.1], [0.5, 0.5], [0.0, 1.0], [0.7, 0.8], [1.0, 1.0]] {
             let phase = |v: u32, k: u32| f64::from(if k == 0 { v % n } else { v / n }) - middle;
             let turn = std::f64::consts::PI;
@@ -71,8 +73,9 @@ fn a_wave_is_kicked_by_chebyshevs_polynomial(backend: Backend) {
             let heights: Vec<f64> = (0..n * n).map(wave).collect();
             let symbol = 4.0 - 2.0 * (turn * along).cos() - 2.0 * (turn * across).cos();
             let (z, center) = (stiffest * (symbol / 8.0).powi(2), (n * n / 2) as usize);
-            let measured = kicked(&mut cloth, &mesh, &heights)[center] / heights[center];
-            assert!((measured - kick(z)).abs() < 2e-4, "{passes} passes: P({z}) = {measured}, expected {}", kick(z));
+            let measured = kicked(&mut cloth, &mesh, &heights, h)[center] / heights[center];
+            let what = format!("{substeps} substeps, {passes} passes");
+            assert!((measured - kick(z)).abs() < 2e-4, "{what}: P({z}) = {measured}, expected {}", kick(z));
         }
     }
 }
@@ -84,15 +87,15 @@ fn no_shape_is_kicked_too_far() {
     let n = 17;
     let meshes = [Mesh::grid(n, n, 1.0, 1.0), meshes::alternating(n), meshes::equilateral(n), meshes::delaunay(n, 1)];
     for (index, mesh) in meshes.iter().enumerate() {
-        for (bending, kick) in [(1e-4, KICK), (1e-3, KICK), (1e-2, 2.0), (5e-2, 2.0)] {
-            let (mut cloth, masses) = of_rows_alone(Backend::Cpu, mesh, bending);
+        for (bending, kick) in [(1e-4, FEW.1), (1e-3, FEW.1), (1e-2, MANY.1), (5e-2, MANY.1)] {
+            let (mut cloth, masses) = of_rows_alone(Backend::Cpu, mesh, bending, FEW.0);
             let mut random = fastrand::Rng::with_seed(7);
             let mut heights: Vec<f64> = masses.iter().map(|_| random.f64() - 0.5).collect();
             let mut largest = 0.0;
             for _ in 0..60 {
                 let size = heights.iter().map(|y| y * y).sum::<f64>().sqrt();
                 heights.iter_mut().for_each(|y| *y *= 0.1 / size);
-                let next = kicked(&mut cloth, mesh, &heights);
+                let next = kicked(&mut cloth, mesh, &heights, FRAME);
                 let weigh = |other: &[f64]| heights.iter().zip(other).zip(&masses).map(|((a, b), m)| a * b * m).sum::<f64>();
                 largest = weigh(&next) / weigh(&heights);
                 heights = next;

@@ -200,8 +200,6 @@ fn exact_crossings_are_untangled_and_touches_are_not() {
     }
 }
 
-/// The poles of a ball whose vertices are not welded are many vertices in one place. If they are pinned, vertices near them
-/// touch what cannot move.
 /// What counts as touching depends on rounding, and so on how far from the origin cloth is, but not on how large a landscape is around
 /// it; and nothing is moved apart by more than a share of its edges.
 #[test]
@@ -220,10 +218,12 @@ fn fine_cloth_is_not_torn_apart_where_coordinates_are_large() {
         let length = |[a, b]: [u32; 2], x: &[Vec3]| x[a as usize].distance(x[b as usize]);
         let longest = sheet.edges().into_iter().map(|edge| length(edge, x) / length(edge, &moved)).fold(0.0, f32::max);
         println!("at {away}: an edge is longer by the factor {longest}");
-        assert!(longest < 1.1, "at {away}: an edge is longer by the factor {longest}");
+        assert!(longest < 1.02, "at {away}: an edge is longer by the factor {longest}");
     }
 }
 
+/// The poles of a ball whose vertices are not welded are many vertices in one place. If they are pinned, vertices near them
+/// touch what cannot move.
 #[test]
 fn pins_that_touch_each_other_move_nothing_else() {
     let mesh = ball(Vec3::ZERO, 0.15, 9);

@@ -35,8 +35,8 @@ pub struct Attributes {
     /// this step, and contact and friction take that velocity into account (only a plane's normal changes at once).
     /// Colliders are resolved in the order of the list, so a vertex that two squeeze may end up inside the first. It sticks to the
     /// one with more friction, whatever presses them together (between two with the same, it goes half of each way), unless it slips
-    /// out between surfaces that meet at more than the angle of friction: so a gripper's fingers, which overlap a little, lift a towel. (This is of spheres, capsules, boxes and
-    /// planes; a mesh presses as its triangles do.)
+    /// out between surfaces that meet at more than the angle of friction: so a gripper's fingers, which overlap a little, lift a
+    /// towel. (This is of spheres, capsules, boxes and planes; a mesh presses as its triangles do.)
     ///
     /// A collider with an [`id`](Collider::id) is matched with the one that had the same id in the last step. Colliders
     /// without an id are matched by their order among themselves, if their number and their shapes in order are the
