@@ -6,6 +6,7 @@
 mod common;
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{
@@ -253,6 +254,37 @@ fn the_same_bits_every_time_on_a_mesh() {
     first.reset();
     play(&mut first, 0..24);
     assert!(bits(&mut first) == bits_of_first, "after a reset");
+}
+
+/// Calm cloth is searched for pairs once in many substeps, which the list must cover from the first one on: here the search is renewed
+/// because a plate was teleported to the cloth, and then the plate moves through where it hangs.
+#[test]
+fn a_list_covers_the_substeps_until_the_next_search() {
+    let upright = Quat::from_rotation_x(0.5 * PI);
+    let mut mesh = jittered(Mesh::grid(13, 13, 0.6, 0.6), 3);
+    mesh.positions.iter_mut().for_each(|x| *x = upright * *x);
+    let plate = Mesh::grid(3, 3, 0.1, 0.1);
+    let plate_at = |z: f32| {
+        let positions = plate.positions.iter().map(|&x| upright * x + z * Vec3::Z).collect();
+        Collider::mesh(Arc::new(Mesh { positions, ..plate.clone() }))
+    };
+    for gap in [3.0, 4.0, 5.0, 5.5, 6.0] {
+        let mut scene = Scene::new(mesh.clone(), 20, vec![plate_at(1.0)]);
+        scene.options.pinned = (0..13).collect();
+        let mut deformer = scene.on(Backend::Gpu);
+        for _ in 0..12 {
+            deformer.step(FRAME, &scene.attributes).unwrap();
+        }
+        let end = plate_at((6.0 - gap) * R);
+        for collider in [plate_at(-gap * R).teleported(), end.clone(), end] {
+            let attributes = Attributes { colliders: vec![collider], ..scene.attributes.clone() };
+            let warnings = deformer.step(FRAME, &attributes).unwrap().warnings;
+            assert!(warnings.is_empty(), "{gap} thicknesses away: {warnings:?}");
+        }
+        let center = deformer.positions().unwrap()[6 * 13 + 6];
+        let apart = center.z / R - (6.0 - gap);
+        assert!(apart > 0.5, "a plate from {gap} thicknesses away has come to {apart} thicknesses");
+    }
 }
 
 /// Contact changes no bit where nothing touches.

@@ -20,9 +20,11 @@ use common::shapes::{jittered, sheets};
 use common::{FRAME, bits, play, reference};
 
 on_every_backend!(
+    a_floor_holds_a_sheet_on_which_another_slides,
     layers_of_one_piece_stay_apart,
     sheets_that_start_in_one_another_part,
     tall_stacks_stand_with_few_substeps,
+    two_sheets_on_a_collider_come_to_rest,
     what_jumps_out_of_a_collider_is_reported,
     what_crosses_where_pins_outrun_the_substeps_is_reported
 );
@@ -88,6 +90,61 @@ fn a_sheet_dropped_on_its_edge_makes_a_heap() {
 fn rms_speed(cloth: &mut Deformer) -> f32 {
     let v = cloth.velocities().unwrap();
     (v.iter().map(|v| v.length_squared()).sum::<f32>() / v.len() as f32).sqrt()
+}
+
+/// A sheet over the corner of another one, on a plane or a box: between the upper sheet and the floor, the corner stands still. It would
+/// be thrown up if what the floor has taken up of an impulse were not given back with it.
+fn two_sheets_on_a_collider_come_to_rest(backend: Backend) {
+    let grid = Mesh::grid(9, 9, 0.3, 0.3);
+    let turn = Quat::from_rotation_y(0.9) * Quat::from_rotation_x(0.03);
+    let mut mesh = grid.clone();
+    mesh.positions.extend(grid.positions.iter().map(|&x| turn * x + Vec3::new(0.054, 0.02, 0.105)));
+    mesh.triangles.extend(grid.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + 81)));
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.004);
+    let block = Collider::rounded_box(-0.1 * Vec3::Y, Vec3::new(1.0, 0.1, 1.0), Quat::IDENTITY, 0.01);
+    for collider in [floor(), block] {
+        let mut scene = Scene::new(mesh.clone(), 20, vec![collider]);
+        scene.options.backend = backend;
+        scene.attributes.damping = 0.5;
+        let (most, mut cloth) = scene.played(90, 30);
+        let mut rms = 0.0f32;
+        for _ in 0..20 {
+            cloth.step(FRAME, &scene.attributes).unwrap();
+            rms = rms.max(rms_speed(&mut cloth));
+        }
+        println!("{rms} m/s");
+        assert_eq!(most, 0, "crossings");
+        assert!(rms < 1e-4, "they come to rest: {rms} m/s");
+    }
+}
+
+/// A sheet slides on another one that lies on a plane. The plane's friction bears the weight of both, so that the lower sheet stays
+/// where it is, although friction between the sheets is more than the plane's under the upper sheet alone, by which it would creep.
+fn a_floor_holds_a_sheet_on_which_another_slides(backend: Backend) {
+    let (n, of_pair, of_floor, speed) = (9, 0.3, 0.2, 0.6);
+    let mut scene = Scene::new(sheets(2, n, 0.3, R), 20, vec![floor().with_friction(of_floor)]);
+    scene.options.backend = backend;
+    scene.options.contact = Some(Contact { thickness: R, friction: of_pair });
+    let mut cloth = scene.deformer();
+    let start: Vec<Vec3> = (0..)
+        .zip(&scene.mesh.positions)
+        .map(|(v, &x)| x + if v < n * n { -R * Vec3::Y } else { Vec3::new(0.02, -R, 0.0) })
+        .collect();
+    let v: Vec<Vec3> = (0..2 * n * n).map(|v| if v < n * n { Vec3::ZERO } else { speed * Vec3::X }).collect();
+    cloth.set_state(&start, &v).unwrap();
+    let frames = 6;
+    for _ in 0..frames {
+        cloth.step(FRAME, &scene.attributes).unwrap();
+    }
+    let mean = |of: &[Vec3]| of.iter().sum::<Vec3>() / of.len() as f32;
+    let (moved, now) = {
+        let x = cloth.positions().unwrap();
+        (mean(&x[..81]) - mean(&start[..81]), mean(&cloth.velocities().unwrap()[81..]).x)
+    };
+    let expected = speed - of_pair * 9.81 * frames as f32 * FRAME;
+    println!("the upper sheet moves at {now} m/s, by theory {expected}; the lower one has moved by {moved} m");
+    assert!((now - expected).abs() < 0.02 * speed, "the upper sheet moves at {now} m/s, not {expected}");
+    assert!(moved.length() < 3e-5, "the lower one has moved by {moved} m");
 }
 
 #[test]

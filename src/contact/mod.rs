@@ -74,7 +74,7 @@ use contacts::Contacts;
 #[cfg(feature = "gpu")]
 pub(crate) use contacts::carry::ROUNDS;
 #[cfg(feature = "gpu")]
-pub(crate) use contacts::response::ITERATIONS;
+pub(crate) use contacts::response::iterations;
 use crossings::known::{KnownCrossings, Posed};
 use detection::Detection;
 #[cfg(feature = "gpu")]
@@ -296,6 +296,7 @@ impl TriangleContact {
             u,
             push,
             most_push: self.push.most,
+            free: &self.push.free,
             common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(momentum::mean(plan.cloth, u))),
             max_carry: self.max_carry,
             entangled: &self.crossings.entangled,

@@ -18,6 +18,8 @@ use crate::step::plan::Plan;
 pub(super) struct Pushes {
     of: Vec<Vec4>,
     pub most: f32,
+    /// Displacements (m) of all vertices of the cloth before colliders changed them; empty if there are no colliders.
+    pub free: Vec<Vec4>,
 }
 
 impl Pushes {
@@ -30,12 +32,14 @@ impl Pushes {
     /// of them.
     pub(super) fn push_out(&mut self, context: SubstepContext<'_>, x: &[Vec4], u: &mut [Vec4], cloth: usize) {
         let SubstepContext { plan, substep, workers, width } = context;
-        let Pushes { of, most } = self;
+        let Pushes { of, most, free } = self;
         let was_pushed = std::mem::take(most) > 0.0;
         if plan.bodies.is_empty() {
             of.clear();
+            free.clear();
             return;
         }
+        u[..cloth].clone_into(free);
         of.resize(x.len(), Vec4::ZERO);
         let (farthest, workers) = (AtomicU32::new(0), workers.for_items(cloth, VERTICES_OF_THREAD));
         let part = workers.part(cloth, VERTICES_OF_PART);
@@ -94,7 +98,8 @@ fn near<'a>(plan: &Plan<'a>, substep: &Substep, x: &[Vec4], u: &[Vec4]) -> NearB
     NearBodies::of(plan.bodies, plan.clear_in_step, substep, &plan.params, state)
 }
 
-/// Keeps vertices that pairs act on out of the colliders, as far as it changes their displacements.
+/// Keeps vertices that pairs act on out of the colliders, as far as it changes their displacements `u`, which are
+/// [`free`](Vertex::free) before.
 pub(super) struct Collide<'a> {
     pub plan: &'a Plan<'a>,
     pub substep: &'a Substep,

@@ -56,7 +56,8 @@ fn strayed_together(lane: u32) -> vec3f {
 // Moves a vertex out of the colliders, and tests whether it is close enough to its path.
 fn begin_vertex(i: u32, together: vec3f) -> Part {
     let x_i = x[i];
-    var path = path_of(x_i.xyz, p_out[i].xyz);
+    let free = p_out[i].xyz;
+    var path = path_of(x_i.xyz, free);
     if x_i.w > 0.0 {
         for (var k = 0u; k < contact_params.bodies; k++) {
             path = contact_body(path, bodies[k], substep);
@@ -76,6 +77,7 @@ fn begin_vertex(i: u32, together: vec3f) -> Part {
         vertices[i].x = x_i;
         vertices[i].u = vec4f(path.u, x_i.w);
         vertices[i].push = vec4f(push, 0.0);
+        vertices[i].way = vec4f(free, 0.0);
         if pushed > 0.0 {
             atomicMax(&contact_state.status.most_push, bitcast<u32>(pushed));
         }
@@ -199,7 +201,8 @@ fn begin_substep() {
         } else if over >= 0.0 {
             ahead = FARTHER_AHEAD * over;
         }
-        contact_state.status.ahead = clamp(floor(ahead + 0.5), MIN_AHEAD, MAX_AHEAD);
+        // The list must last until detection may be due again.
+        contact_state.status.ahead = clamp(floor(ahead + 0.5), max(MIN_AHEAD, f32(contact_params.spacing)), MAX_AHEAD);
         contact_state.status.since = 0.0;
         contact_state.status.detections += 1u;
     } else {

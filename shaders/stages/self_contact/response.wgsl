@@ -189,13 +189,16 @@ fn step_pairs(
     }
 }
 
-// Applies the impulses of its pairs to a vertex, then resolves its contact with the colliders.
+// Applies the impulses of its pairs to a vertex, and resolves its contact with the colliders. This begins without the colliders each
+// time: computed from what is left of earlier impulses, a collider would keep what it has taken up of an impulse that is taken back in
+// a later iteration, and return it as a velocity.
 fn apply_sums(i: u32) {
     if vertices[i].x.w == 0.0 || atomicLoad(&sums[SUMS * i + WEIGHT]) == 0 {
         return;
     }
     let x = vertices[i].x.xyz;
-    var u = vertices[i].u.xyz + summed(i, IMPULSE, UNIT_LENGTH);
+    var u = vertices[i].way.xyz + summed(i, IMPULSE, UNIT_LENGTH);
+    vertices[i].way = vec4f(u, vertices[i].way.w);
     for (var k = 0u; k < 3u; k++) {
         atomicStore(&sums[SUMS * i + IMPULSE + k], 0);
     }

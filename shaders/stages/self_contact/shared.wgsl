@@ -90,8 +90,9 @@ struct Near {
 
 // A vertex in this substep. `x`: position; w is the inverse mass, 0 if it is kinematic. `u`: displacement; w is the inverse mass
 // again, so that it is not read apart. `push`: correction that adds no velocity; w is the coefficient of friction of a mesh
-// collider's vertex. `way`, of the cloth's vertices after the response: displacement and correction together,
-// relative to the mean displacement; w is how far it was about to move, then how far it may move.
+// collider's vertex. `way`, of the cloth's vertices: during the response the displacement by the predictor, the constraints and the
+// impulses of pairs, without the colliders, of which contact with these is a function; then displacement and correction together,
+// relative to the mean displacement. w is how far it was about to move, then how far it may move.
 struct Vertex {
     x: vec4f,
     u: vec4f,

@@ -171,7 +171,8 @@ impl Contacts {
                     *x = input.x[of].with_w((xyz(*u) - base).length().max(least));
                     let push = input.push.get(of).map_or(Vec3A::ZERO, |&push| xyz(push));
                     let travel = (xyz(*u) + push - base).length().max(least);
-                    *vertex = Vertex { index, x: input.x[of], push, weight: 0.0, travel, allowance };
+                    let free = xyz(*input.free.get(of).unwrap_or(u));
+                    *vertex = Vertex { index, x: input.x[of], push, free, weight: 0.0, travel, allowance };
                     all.join(&PatchMotion { moved: if was_listed { [moved; 2] } else { PatchMotion::NONE.moved }, travel: x.w });
                 }
                 motions[patch(order[0]) - first] = all;

@@ -5,7 +5,7 @@ use super::kernel_choice::Response;
 use super::stages::Stages;
 use super::status::{FIRST_LEVEL, PARTS};
 use crate::contact::device::table::ContactParams;
-use crate::contact::{ITERATIONS, ROUNDS, returns_momentum};
+use crate::contact::{ROUNDS, iterations, returns_momentum};
 use crate::gpu::stage::{ComputePass, Stage};
 use crate::step::plan::Plan;
 
@@ -85,9 +85,10 @@ impl GpuContact {
         let many = usize::from(self.status.acting >= self.many);
         stages.warm_start[many].dispatch(pass, group, &[], items);
         stages.apply_impulses_first.dispatch(pass, group, &[], vertices);
-        for iteration in 1..=ITERATIONS {
+        let iterations = iterations(plan.params.h);
+        for iteration in 1..=iterations {
             stages.step[many].dispatch(pass, group, &[], items);
-            let apply_impulses = if iteration < ITERATIONS { &stages.apply_impulses } else { &stages.apply_impulses_last };
+            let apply_impulses = if iteration < iterations { &stages.apply_impulses } else { &stages.apply_impulses_last };
             apply_impulses.dispatch(pass, group, &[], vertices);
         }
         let truncate = |pass: &mut ComputePass<'_>, [first, next, last, finish]: &[Stage; 4]| {

@@ -162,7 +162,7 @@ impl GpuContact {
     /// Discards everything that depends on positions, because the state was replaced.
     pub(crate) fn forget(&mut self) {
         self.on_cpu.forget();
-        self.status = Status::nothing();
+        (self.status, self.choice) = (Status::nothing(), KernelChoice::default());
     }
 
     /// Must be called when the state's buffers or the masses were replaced: the next step then binds the new buffers.

@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::Vec4;
 
 use super::GpuContact;
+use super::kernel_choice::KernelChoice;
 use super::status::{Listed, NEVER, Status, TRACK, Track};
 use crate::contact::ContactPast;
 use crate::contact::detection::paths::Paths;
@@ -71,6 +72,7 @@ impl GpuContact {
         }
         let Paths { from, by, margin, ahead, since, renewed: _ } = &past.paths;
         let since = since.unwrap_or(NEVER);
+        self.choice = KernelChoice::default();
         self.status = Status { listed, with_vertices, with_edges, since, ahead: *ahead, h: past.h, ..Status::nothing() };
         for ((place, first), rows) in self.places(self.room).into_iter().zip([0, self.params.all_vertices]).zip(&lists) {
             let pairs = rows.pairs.iter().zip(&rows.lambda).zip(rows.row_of_each());
