@@ -26,6 +26,14 @@ use crate::step::plan::Plan;
 /// `MARK` of `shared.wgsl`.
 pub(crate) const MARK: u32 = 1 << 31;
 
+/// What a step that fails leaves as it was: the meshes of bodies at the end of the last step, and what was known to intersect.
+#[derive(Debug, Default)]
+struct Before {
+    bodies: Vec<Arc<Mesh>>,
+    crossings: Vec<[u32; 2]>,
+    are_all: bool,
+}
+
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
 #[derive(Debug)]
 pub(crate) struct HostContact {
@@ -36,6 +44,7 @@ pub(crate) struct HostContact {
     pub crossings: KnownCrossings,
     /// The vertices of pairs that were pinched in the last step, around which there may be others.
     pinched: Vec<u32>,
+    before: Before,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
 }
@@ -64,6 +73,7 @@ impl HostContact {
             vertices: range[1],
             crossings: KnownCrossings::default(),
             pinched: Vec::new(),
+            before: Before::default(),
             motions: Vec::new(),
         };
         Some((contact, params, table))
@@ -72,9 +82,22 @@ impl HostContact {
     /// Begins a step; `friction` is that of the cloth with itself. Returns whether a mesh collider starts elsewhere than
     /// where the last step left it.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
+        self.before.bodies.clone_from(&self.bodies.last);
+        self.before.crossings.clone_from(&self.crossings.pairs);
+        self.before.are_all = self.crossings.are_all;
         let jumped = self.bodies.begin(plan, friction);
         self.crossings.are_all &= !jumped;
         jumped
+    }
+
+    /// Goes back to where the last step began.
+    pub(crate) fn roll_back(&mut self) {
+        let Before { bodies, crossings, are_all } = &self.before;
+        self.bodies.go_back(bodies);
+        if self.crossings.pairs != *crossings {
+            self.crossings.take(crossings.clone(), &self.surface);
+        }
+        self.crossings.are_all = *are_all;
     }
 
     /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction; `None` if the

@@ -90,6 +90,7 @@ impl GpuContact {
 
     /// Notes how mesh colliders move in the step.
     pub(crate) fn note_meshes(&mut self, plan: &Plan<'_>) {
+        self.since = self.status.since;
         if self.on_cpu.begin(plan, self.options.friction) {
             self.status.since = NEVER;
         }
@@ -114,7 +115,8 @@ impl GpuContact {
         let [most_room, most_space] = self.most(gpu);
         if has(CROWDED) || needed > most_room || space > most_space {
             self.roll_back(gpu);
-            self.forget();
+            self.on_cpu.roll_back();
+            self.status.since = self.since;
             return Ok(Judgment::Crowded(needed.max(space).max(status.listed as usize)));
         }
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {

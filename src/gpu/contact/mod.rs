@@ -102,6 +102,8 @@ pub(crate) struct GpuContact {
     staging: wgpu::Buffer,
     /// As of the end of the last good step.
     status: Status,
+    /// [`Status::since`] at the start of the step, to which a step that fails goes back.
+    since: f32,
     choice: KernelChoice,
     /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
@@ -152,6 +154,7 @@ impl GpuContact {
             stages: None,
             staging,
             status,
+            since: status.since,
             choice: KernelChoice::default(),
             max_carry: 0.0,
             substeps: 0,
