@@ -114,16 +114,21 @@ fn whatever_else_the_scene_has() {
 
 /// Two sheets that collide without gravity conserve their momentum. In the second case they move by three times their
 /// thickness per substep, so truncation removes momentum, which must be returned; for joined sheets, which are one piece, also if
-/// there is a collider far away.
+/// there is a collider far away. In the last case they move by hundreds of thicknesses, which sums of impulses have no room for.
 #[test]
 fn two_sheets_collide() {
     let floor = vec![Collider::plane(Vec3::Y * -9.0, Vec3::Y)];
-    for (speed, frames, colliders) in [(1.0, 20, Vec::new()), (10.0, 8, Vec::new()), (10.0, 8, floor)] {
+    let cases = [(1.0, 20, Vec::new()), (10.0, 8, Vec::new()), (10.0, 8, floor), (50.0, 3, Vec::new())];
+    for (speed, frames, colliders) in cases {
         let mut mesh = jittered(sheets(2, 12, 0.5, 0.1), 6);
         if !colliders.is_empty() {
             mesh.triangles.push([0, 1, 144]);
         }
         let mut scene = Scene::new(mesh, 20, colliders);
+        if speed > 10.0 {
+            scene.options.quality = Quality::Substeps(5);
+            scene.options.contact = Some(Contact { thickness: 0.001, friction: 0.3 });
+        }
         scene.options.fabric = Fabric { bending: 0.0, damping: 0.0, ..CLOTH };
         scene.options.levels = Levels::Off;
         scene.attributes.gravity = Vec3::ZERO;

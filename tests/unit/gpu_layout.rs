@@ -91,7 +91,8 @@ fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
 }
 
 /// The constants of contact that exist only in shaders.
-const ALONE: [&str; 30] = [
+const ALONE: [&str; 31] = [
+    "MOST",
     "SOON",
     "ROUNDING_MARGIN",
     "MIN_DISTANCE",

@@ -9,6 +9,10 @@ override COLLECTS: bool = false;
 const PLACES: u32 = 256u;
 const PROBES: u32 = 8u;
 
+// Limit on what a pair does at once, as the approach [thicknesses] that it may respond to. The sums of all pairs of a vertex wrap at
+// 256 thicknesses; that would add momentum. The rest is left to the next iteration, and to truncation.
+const MOST: f32 = 64.0;
+
 // A hash table: the vertex at each place, or `NONE`, and three sums.
 var<workgroup> owners: array<atomic<u32>, PLACES>;
 var<workgroup> collected: array<atomic<i32>, 768>;
@@ -106,9 +110,12 @@ fn warm_start_pair(k: u32) {
         set_lambda(k, vec4f());
         return;
     }
-    set_rate(k, RELAXATION / bound);
+    let rate = RELAXATION / bound;
+    set_rate(k, rate);
     var held = n.lambda * (warm_share(max(n.thickness - n.distance, 0.0), n.thickness) * contact_state.status.scale);
     held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
+    let most = vec4f(MOST * contact_params.thickness * rate);
+    held = clamp(held, -most, most);
     set_lambda(k, held);
     add_impulse(n.corners, w, IMPULSE, n.weights, impulse(Multipliers(held.xyz, held.w), n.normal));
 }
@@ -167,10 +174,12 @@ fn step_pair(k: u32) {
     let relative = between(n.weights, Four(a.xyz, b.xyz, c.xyz, d.xyz));
     let held = Multipliers(n.lambda.xyz, n.lambda.w);
     let gap = max(n.distance - n.thickness, 0.0);
-    let now = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
-    set_lambda(k, vec4f(now.lambda_t, now.lambda_n));
-    let more = Multipliers(now.lambda_t - held.lambda_t, now.lambda_n - held.lambda_n);
-    add_impulse(n.corners, vec4f(a.w, b.w, c.w, d.w), IMPULSE, n.weights, impulse(more, n.normal));
+    let wanted = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
+    let most = vec4f(MOST * contact_params.thickness * n.rate);
+    let now = clamp(vec4f(wanted.lambda_t, wanted.lambda_n), n.lambda - most, n.lambda + most);
+    set_lambda(k, now);
+    let more = now - n.lambda;
+    add_impulse(n.corners, vec4f(a.w, b.w, c.w, d.w), IMPULSE, n.weights, impulse(Multipliers(more.xyz, more.w), n.normal));
 }
 
 @compute @workgroup_size(WORKGROUP)
