@@ -61,7 +61,7 @@ impl GpuContact {
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
     ///
     /// # Errors
-    /// If the device has no room for its pairs; nothing has changed then.
+    /// If its list of pairs exceeds a limit of the device; nothing has changed then. Without memory for it, the list is lost.
     pub(crate) fn resume(&mut self, gpu: &Gpu, past: &ContactPast) -> Result<bool, GpuFault> {
         gpu.meets("the list of pairs in contact", (2 * past.pairs() * size_of::<Listed>()) as u64)?;
         let Some(lists) = self.on_cpu.resume(past) else { return Ok(false) };

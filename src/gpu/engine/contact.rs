@@ -94,8 +94,11 @@ impl GpuEngine {
             (Some(contact), Some(past)) => gpu.checked(|| contact.resume(&gpu, past)),
             (contact, past) => Ok(contact.is_some() == past.is_some()),
         };
-        if let (Ok(false) | Err(_), Some(Replaced(before))) = (&resumed, replaced) {
-            self.contact = before;
+        match (&resumed, replaced) {
+            (Ok(false) | Err(_), Some(Replaced(before))) => self.contact = before,
+            // There was no memory for the list of pairs.
+            (Err(fault), None) if !matches!(fault, GpuFault::Limit(_)) => self.broken = Some(fault.clone()),
+            _ => {}
         }
         resumed
     }
