@@ -18,7 +18,7 @@ pub(crate) enum Judgment {
     Again,
     /// It must be attempted again after a search for intersections.
     Search,
-    /// There are too many pairs: this many.
+    /// There are too many pairs: this many are listed, or are candidates, or this many pairs of leaves meet.
     Crowded(usize),
 }
 
@@ -117,7 +117,9 @@ impl GpuContact {
             self.roll_back(gpu);
             self.on_cpu.roll_back();
             self.status.since = self.since;
-            return Ok(Judgment::Crowded(needed.max(space).max(status.listed as usize)));
+            let candidates = status.candidates.saturating_add(status.edge_candidates);
+            let most = status.needed.max(status.listed).max(candidates).max(status.leaf_pairs);
+            return Ok(Judgment::Crowded(most as usize));
         }
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
