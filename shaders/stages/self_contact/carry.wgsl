@@ -151,8 +151,7 @@ fn follow_leader(v: u32) {
     }
 }
 
-// Finds the pinched pairs among those whose plane has passed a vertex. The second corner of those that have moved through
-// each other is marked, and the first of two edges.
+// Finds the pinched pairs among those whose plane has passed a vertex.
 @compute @workgroup_size(LANES)
 fn find_pinched(@builtin(local_invocation_index) lane: u32) {
     let count = atomicLoad(&contact_state.status.passed);
@@ -162,10 +161,15 @@ fn find_pinched(@builtin(local_invocation_index) lane: u32) {
         if contact_params.max_carry == 0.0 {
             stop_if_far(run_over(pair).leader);
         }
-        if pair.is_flat {
+        if pair.is_through {
+            let at = atomicAdd(&contact_state.status.through, 1u);
+            if at < PINCHED {
+                contact_state.through[at] = marked;
+            }
+        } else if pair.is_flat {
             let at = atomicAdd(&contact_state.status.pinched, 1u);
             if at < PINCHED {
-                contact_state.pinched[at] = vec4u(marked.x, pair.v.y | select(0u, MARK, pair.is_through), pair.v.zw);
+                contact_state.pinched[at] = marked;
             }
         }
     }

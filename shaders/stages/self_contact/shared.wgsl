@@ -171,7 +171,8 @@ struct Status {
     space_needed: atomic<u32>,
     // Number of pairs that acted in the previous substep.
     acted: u32,
-    // Number of pairs of this substep whose plane has passed a vertex, and of those of this step that are pinched.
+    // Number of pairs of this substep whose plane has passed a vertex, and of those of this step that are pinched without having moved
+    // through each other: see `through`.
     passed: atomic<u32>,
     pinched: atomic<u32>,
     // Whether displacements are to be truncated once more (above 0), because vertices slide or were carried just now; as bits, how
@@ -187,19 +188,23 @@ struct Status {
     cuts_more: atomic<u32>,
     // Number of times that vertices drift in this step.
     drifted: atomic<u32>,
+    // Number of pairs of this step that have moved through each other.
+    through: atomic<u32>,
 }
 
-// There is room for so many pairs that are pinched, and vertices that drift. There may be more.
+// There is room for so many pairs that are pinched, as many that have moved through each other, and so many vertices that drift.
+// There may be more.
 const PINCHED: u32 = 64u;
 const DRIFTED: u32 = 256u;
-// Marks a vertex of a pair that is pinched, or whose plane has passed a vertex: the first of a pair of edges, and the second of a
-// pair that has moved through each other.
+// Marks the first vertex of a pair of edges that is pinched, or whose plane has passed a vertex.
 const MARK: u32 = 0x80000000u;
 
-// The status, the corners of pinched pairs and the vertices that drift, followed by the workgroups' parts of a reduction over the
-// cloth, and by those over mesh colliders.
+// The status, the corners of pairs that have moved through each other and of others that are pinched, and the vertices that drift,
+// followed by the workgroups' parts of a reduction over the cloth, and by those over mesh colliders. The first are reported, so the
+// others, of which there are more, must not take their places.
 struct ContactState {
     status: Status,
+    through: array<vec4u, PINCHED>,
     pinched: array<vec4u, PINCHED>,
     drifted: array<u32, DRIFTED>,
     parts: array<Part>,

@@ -175,12 +175,14 @@ impl HostContact {
         self.crossings.search(Posed { surface: &self.surface, x, is_shared: true }, &pinched)
     }
 
-    /// Notes the pairs that were pinched in a step, as `find_pinched` marks them, the vertices that drifted, and whether these `are_all`.
-    pub(crate) fn note_pinched(&mut self, marked: &[[u32; 4]], drifted: &[u32], are_all: bool) {
-        let pinched = marked.iter().map(|marked| {
-            let [is_edge, is_through, ..] = marked.map(|corner| corner & MARK != 0);
-            let kind = if is_edge { Kind::EdgeEdge } else { Kind::VertexTriangle };
-            Pinched { kind, corners: marked.map(|corner| corner & !MARK), is_through }
+    /// Notes the pairs that were pinched in a step, as `find_pinched` lists them (those that have moved through each other, and others),
+    /// the vertices that drifted, and whether these `are_all`.
+    pub(crate) fn note_pinched(&mut self, listed: [&[[u32; 4]]; 2], drifted: &[u32], are_all: bool) {
+        let pinched = listed.into_iter().zip([true, false]).flat_map(|(listed, is_through)| {
+            listed.iter().map(move |marked| {
+                let kind = if marked[0] & MARK != 0 { Kind::EdgeEdge } else { Kind::VertexTriangle };
+                Pinched { kind, corners: marked.map(|corner| corner & !MARK), is_through }
+            })
         });
         let pinched: Vec<Pinched> = pinched.collect();
         self.crossings.begin();

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, StatusReadback, TRACK};
+use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, StatusReadback, TRACK, noted};
 use super::{Checkpoint, GpuContact};
 use crate::contact::max_listed;
 use crate::device::Gpu;
@@ -123,9 +123,11 @@ impl GpuContact {
         }
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
             self.status = status.at_end(self.substeps);
-            let (pinched, are_all) = readback.pinched();
-            let (drifted, has_all) = readback.drifted();
-            self.on_cpu.note_pinched(pinched, drifted, are_all && has_all && status.jumped == 0);
+            let (through, have_all_through) = noted(&readback.through, status.through);
+            let (pinched, have_all_pinched) = noted(&readback.pinched, status.pinched);
+            let (drifted, have_all_drifted) = noted(&readback.drifted, status.drifted);
+            let are_all = have_all_through && have_all_pinched && have_all_drifted && status.jumped == 0;
+            self.on_cpu.note_pinched([through, pinched], drifted, are_all);
             return Ok(Judgment::Good);
         }
         self.choice.change(status.stopped, needed > 0);

@@ -1,11 +1,12 @@
-//! Data shared with the shaders: the status that the kernels keep, and the parameters that they are given.
+//! Data shared with the shaders: the status that the kernels keep, and what they list.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec4;
 
 use crate::contact::surface::pairs;
 
-/// Reasons to stop a step: bits of [`Status::stopped`].
+/// Reasons to stop a step: bits of [`Status::stopped`]. The kernels know another one, for numbers that are not finite, which the check
+/// at the commit finds, too.
 pub(crate) const NO_ROOM: u32 = 1;
 pub(crate) const CROWDED: u32 = 4;
 pub(crate) const EARLY: u32 = 8;
@@ -57,6 +58,8 @@ pub(crate) struct Status {
     pub shortens: u32,
     pub cuts_more: u32,
     pub drifted: u32,
+    pub through: u32,
+    pub padding: [u32; 3],
 }
 
 impl Status {
@@ -79,28 +82,20 @@ impl Status {
     }
 }
 
-/// What the CPU reads after a step: the status, and as far as there is room the corners of the pairs that are pinched and the vertices
-/// that drift.
+/// What the CPU reads after a step: the status, and as far as there is room the corners of the pairs that have moved through each other
+/// and of others that are pinched, and the vertices that drift.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct StatusReadback {
     pub status: Status,
+    pub through: [[u32; 4]; PINCHED],
     pub pinched: [[u32; 4]; PINCHED],
     pub drifted: [u32; DRIFTED],
 }
 
-impl StatusReadback {
-    /// The corners of pinched pairs, as far as there is room, and whether these are all.
-    pub(super) fn pinched(&self) -> (&[[u32; 4]], bool) {
-        let count = self.status.pinched as usize;
-        (&self.pinched[..count.min(PINCHED)], count <= PINCHED)
-    }
-
-    /// The vertices that drifted, as far as there is room, and whether these are all.
-    pub(super) fn drifted(&self) -> (&[u32], bool) {
-        let count = self.status.drifted as usize;
-        (&self.drifted[..count.min(DRIFTED)], count <= DRIFTED)
-    }
+/// The first of so many items, as far as there was room for them, and whether these are all.
+pub(super) fn noted<T>(items: &[T], count: u32) -> (&[T], bool) {
+    (&items[..items.len().min(count as usize)], count as usize <= items.len())
 }
 
 /// A listed pair: `Listed` of `shared.wgsl`.
