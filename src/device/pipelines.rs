@@ -135,7 +135,7 @@ impl Compilation {
                     entry_point: Some(self.name),
                     compilation_options: wgpu::PipelineCompilationOptions {
                         constants: &self.constants,
-                        // Every kernel writes workgroup memory before it reads it.
+                        // No result of a kernel depends on workgroup memory that it has not written.
                         zero_initialize_workgroup_memory: false,
                     },
                     cache: None,
