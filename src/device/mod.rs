@@ -32,7 +32,6 @@ struct Inner {
 /// The device that all Deformers share, unless the caller gives one.
 struct SharedDevice {
     gpu: Gpu,
-    software: bool,
     lost: Arc<AtomicBool>,
 }
 
@@ -67,7 +66,7 @@ impl SharedDevice {
         let flag = Arc::clone(&lost);
         device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
         let gpu = Gpu::new(device, queue, adapter.get_info().name);
-        Ok(SharedDevice { gpu, software: rank(&adapter) == 4, lost })
+        Ok(SharedDevice { gpu, lost })
     }
 }
 
@@ -121,7 +120,7 @@ impl Gpu {
             *found = Some(SharedDevice::request()?);
         }
         match found.as_ref() {
-            Some(found) if software || !found.software => Ok(found.gpu.clone()),
+            Some(found) if software || !found.gpu.is_software() => Ok(found.gpu.clone()),
             _ => Err("the only adapter is a software driver".into()),
         }
     }

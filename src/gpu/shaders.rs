@@ -110,7 +110,7 @@ shaders! {
         NEAR: "mean" "pairs" "voronoi" "near";
         RESPONSE: "pairs" "sums" "response";
         TRUNCATION: "pairs" "sums" "truncation";
-        FINISH: "sums" "finish";
+        FINISH: "mean" "sums" "finish";
         CARRY: "pinches" "carry";
     }
 }

@@ -5,7 +5,7 @@ use super::*;
 /// A step of 20 substeps after one with so many detections: in every how many substeps detection may be due.
 fn spacing_after(choice: &mut KernelChoice, detections: u32) -> u32 {
     choice.begin(&Status { detections, ..Status::nothing() }, 20);
-    choice.spacing()
+    choice.spacing
 }
 
 #[test]
@@ -24,7 +24,7 @@ fn cloth_that_strayed_in_between_is_watched() {
     let mut choice = KernelChoice::default();
     (0..6).for_each(|_| assert!(spacing_after(&mut choice, 0) > 1));
     choice.change(EARLY, false);
-    assert_eq!(choice.spacing(), 1, "the step is repeated with detection in each substep");
+    assert_eq!(choice.spacing, 1, "the step is repeated with detection in each substep");
     let next: Vec<u32> = (0..40).map(|_| spacing_after(&mut choice, 1)).collect();
     let count = |spacing| next.iter().filter(|&&one| one == spacing).count();
     assert_eq!((next[..2].to_vec(), count(1), count(5), count(20)), (vec![1, 1], 2, 33, 5));
@@ -36,5 +36,5 @@ fn it_is_due_within_a_step_of_few_substeps() {
     for _ in 0..9 {
         choice.begin(&Status::nothing(), 8);
     }
-    assert_eq!(choice.spacing(), 8);
+    assert_eq!(choice.spacing, 8);
 }

@@ -40,13 +40,8 @@ fn place_at(v: u32) -> Place {
     return Place(vec4f(track.start.xyz + track.by.xyz * (0.5 * contact_state.status.ahead), track.start.w), track.by.xyz);
 }
 
-fn box_of(a: Place, b: Place) -> Box {
-    return Box(
-        min(a.middle.xyz - a.middle.w, b.middle.xyz - b.middle.w),
-        max(a.middle.xyz + a.middle.w, b.middle.xyz + b.middle.w),
-        min(a.u, b.u),
-        max(a.u, b.u),
-    );
+fn box_of(a: Place) -> Box {
+    return Box(a.middle.xyz - a.middle.w, a.middle.xyz + a.middle.w, a.u, a.u);
 }
 
 fn box_with(a: Box, b: Place) -> Box {
@@ -65,14 +60,13 @@ fn box_of_first_vertex() -> u32 {
 fn box_of_feature(k: u32) -> Box {
     if k < contact_params.box_edges {
         let corners = triangle(k);
-        return box_with(box_of(place_at(corners.x), place_at(corners.y)), place_at(corners.z));
+        return box_with(box_with(box_of(place_at(corners.x)), place_at(corners.y)), place_at(corners.z));
     }
     if k < box_of_first_vertex() {
         let ends = edge(k - contact_params.box_edges);
-        return box_of(place_at(ends.x), place_at(ends.y));
+        return box_with(box_of(place_at(ends.x)), place_at(ends.y));
     }
-    let place = place_at(table[contact_params.order + k - box_of_first_vertex()]);
-    return box_of(place, place);
+    return box_of(place_at(table[contact_params.order + k - box_of_first_vertex()]));
 }
 
 // The level of each tree with whose nodes a descent begins, unless the leaves are above it. It tests their children, so bounds

@@ -11,8 +11,6 @@ const LEADER: u32 = 0u;
 
 // Number of vertices that are carried.
 var<workgroup> carried: atomic<u32>;
-// Number of pairs whose plane has passed a vertex, as long as the step goes on.
-var<workgroup> passed: u32;
 
 // Which corners of a pair are to be carried by a kinematic vertex; none if all are kinematic.
 struct RunOver {
@@ -105,10 +103,10 @@ fn stop_if_far(leader: u32) {
 fn carry(@builtin(local_invocation_index) lane: u32) {
     if lane == 0u {
         atomicStore(&carried, 0u);
-        passed = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
+        total = select(atomicLoad(&contact_state.status.passed), 0u, has_stopped());
     }
     // Pairs may stop the step, so all invocations must have the same number of them.
-    let count = workgroupUniformLoad(&passed);
+    let count = workgroupUniformLoad(&total);
     for (var k = lane; k < count; k += LANES) {
         let marked = pairs[place_of_passed(k)].corners;
         let found = run_over(passed_pair(marked));

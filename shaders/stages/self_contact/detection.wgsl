@@ -16,8 +16,6 @@ fn space() -> u32 {
     return arrayLength(&scratch) / (LEAF_PAIRS + CANDIDATES);
 }
 
-var<workgroup> total: u32;
-
 // The number that the first invocation passes, for all.
 fn broadcast(value: u32, lane: u32) -> u32 {
     if lane == 0u {

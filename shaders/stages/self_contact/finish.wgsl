@@ -4,8 +4,6 @@
 // Whether displacements were truncated once more in this substep.
 override AGAIN: bool = false;
 
-var<workgroup> lost: array<vec3f, WORKGROUP>;
-
 @compute @workgroup_size(WORKGROUP)
 fn finish(
     @builtin(global_invocation_id) id: vec3u,
@@ -53,10 +51,13 @@ fn finish(
     if slides && i == 0u {
         atomicStore(&contact_state.status.passed, 0u);
     }
-    sum_lost(mine, lane);
-    let at = group.x + group.y * groups.x;
-    if lane == 0u && at < contact_params.groups {
-        contact_state.parts[at].low = vec4f(lost[0], 0.0);
+    // Only free cloth gets the momentum back, and only then parts are sums.
+    if is_free() {
+        gather(Part(vec4f(mine, 0.0), vec4f()), lane);
+        let at = group.x + group.y * groups.x;
+        if lane == 0u && at < contact_params.groups {
+            contact_state.parts[at].low = low[0];
+        }
     }
 }
 
@@ -91,16 +92,6 @@ fn clear_sums(i: u32) {
     atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(1.0));
 }
 
-fn sum_lost(mine: vec3f, lane: u32) {
-    lost[lane] = mine;
-    for (var width = WORKGROUP / 2u; width > 0u; width /= 2u) {
-        workgroupBarrier();
-        if lane < width {
-            lost[lane] += lost[lane + width];
-        }
-    }
-}
-
 // Used if there are no kinematic vertices. Each workgroup computes the sum by itself, in the same order.
 @compute @workgroup_size(WORKGROUP)
 fn give_back(
@@ -108,13 +99,13 @@ fn give_back(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    var mine = vec3f();
+    var mine = Part();
     for (var k = lane; k < contact_params.groups; k += WORKGROUP) {
-        mine += contact_state.parts[k].low.xyz;
+        mine.low += contact_state.parts[k].low;
     }
-    sum_lost(mine, lane);
+    gather(mine, lane);
     workgroupBarrier();
-    let back = lost[0] * contact_params.per_mass;
+    let back = low[0].xyz * contact_params.per_mass;
     let i = item(id, groups);
     if i < contact_params.vertices && vertices[i].x.w != 0.0 && !has_stopped() && any(back != vec3f()) {
         let u = vertices[i].u.xyz + back;

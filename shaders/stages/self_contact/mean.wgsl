@@ -1,5 +1,5 @@
-// The mean displacement, or the middle of the range of the kinematic ones, from the workgroups' parts of a reduction over
-// all vertices: `Part` of `shared.wgsl`.
+// Reductions over all vertices: the mean displacement, or the middle of the range of the kinematic ones, from the
+// workgroups' parts (`Part` of `shared.wgsl`), and with the same sums what truncation takes from free cloth.
 
 var<workgroup> low: array<vec4f, WORKGROUP>;
 var<workgroup> high: array<vec4f, WORKGROUP>;

@@ -1,8 +1,6 @@
 // The places of listed and near pairs.
 
-// A number of pairs, and that of listed pairs of a vertex and a triangle, for all invocations of a workgroup. One of these
-// loads them, because a device is slow when all load from one place.
-var<workgroup> total: u32;
+// The number of listed pairs of a vertex and a triangle, for all invocations of a workgroup.
 var<workgroup> with_vertices: u32;
 
 // A half of the list is filled from both ends: by pairs of a vertex and a triangle from the start, and by pairs of edges

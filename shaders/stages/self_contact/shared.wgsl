@@ -325,14 +325,15 @@ fn is_due() -> bool {
     return contact_state.status.detects != 0u && !has_stopped();
 }
 
-var<workgroup> due_here: u32;
+// A number that the first invocation of a workgroup loads for all, because a device is slow when all load from one place.
+var<workgroup> total: u32;
 
 // Whether detection is due, for all invocations of a workgroup.
 fn is_due_here(lane: u32) -> bool {
     if lane == 0u {
-        due_here = u32(is_due());
+        total = u32(is_due());
     }
-    return workgroupUniformLoad(&due_here) != 0u;
+    return workgroupUniformLoad(&total) != 0u;
 }
 
 fn number(at: u32) -> f32 {

@@ -31,21 +31,25 @@ impl GpuContact {
         [0..u64::from(with_vertices) * pair, (room as u64 - u64::from(with_edges)) * pair..room as u64 * pair]
     }
 
-    /// Copies the listed pairs from a half of a list to half 0 of another list.
-    fn copy_pairs(
+    /// Copies the listed pairs from a half of a list to another one. Each is given by its buffer, by where the half begins there, in
+    /// bytes, and by how many pairs that has room for.
+    pub(super) fn copy_pairs(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        from: (&wgpu::Buffer, usize),
-        to: (&wgpu::Buffer, usize),
-        half: u32,
+        (from, from_first, from_room): (&wgpu::Buffer, u64, usize),
+        (to, to_first, to_room): (&wgpu::Buffer, u64, usize),
     ) {
-        let first = u64::from(half) * (from.1 * size_of::<Listed>()) as u64;
-        for (from_place, to_place) in self.places(from.1).into_iter().zip(self.places(to.1)) {
+        for (from_place, to_place) in self.places(from_room).into_iter().zip(self.places(to_room)) {
             if !from_place.is_empty() {
                 let bytes = from_place.end - from_place.start;
-                encoder.copy_buffer_to_buffer(from.0, first + from_place.start, to.0, to_place.start, bytes);
+                encoder.copy_buffer_to_buffer(from, from_first + from_place.start, to, to_first + to_place.start, bytes);
             }
         }
+    }
+
+    /// The current half of the list, for [`GpuContact::copy_pairs`].
+    pub(super) fn current(&self) -> (&wgpu::Buffer, u64, usize) {
+        (&self.buffers.pairs, u64::from(self.status.half) * (self.room * size_of::<Listed>()) as u64, self.room)
     }
 
     /// Encodes a copy of the state to which the step may have to be rolled back, unless that was done.
@@ -53,9 +57,9 @@ impl GpuContact {
         if std::mem::replace(&mut self.is_saved, true) {
             return;
         }
-        let GpuContact { buffers, checkpoint, room, .. } = &*self;
+        let GpuContact { buffers, checkpoint, .. } = &*self;
         encoder.copy_buffer_to_buffer(&buffers.tracks, 0, &checkpoint.tracks, 0, checkpoint.tracks.size());
-        self.copy_pairs(encoder, (&buffers.pairs, *room), (&checkpoint.pairs, checkpoint.room), self.status.half);
+        self.copy_pairs(encoder, self.current(), (&checkpoint.pairs, 0, checkpoint.room));
     }
 
     /// Rolls back to the saved state.
@@ -63,7 +67,7 @@ impl GpuContact {
         let GpuContact { buffers, checkpoint, room, .. } = &*self;
         let mut encoder = gpu.encoder();
         encoder.copy_buffer_to_buffer(&checkpoint.tracks, 0, &buffers.tracks, 0, checkpoint.tracks.size());
-        self.copy_pairs(&mut encoder, (&checkpoint.pairs, checkpoint.room), (&buffers.pairs, *room), 0);
+        self.copy_pairs(&mut encoder, (&checkpoint.pairs, 0, checkpoint.room), (&buffers.pairs, 0, *room));
         gpu.queue().submit([encoder.finish()]);
         self.status.half = 0;
     }
@@ -91,7 +95,7 @@ impl GpuContact {
     /// Notes how mesh colliders move in the step.
     pub(crate) fn note_meshes(&mut self, plan: &Plan<'_>) {
         self.since = self.status.since;
-        if self.on_cpu.begin(plan, self.options.friction) {
+        if self.on_cpu.begin(plan, self.params.friction) {
             self.status.since = NEVER;
         }
     }

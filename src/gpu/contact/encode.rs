@@ -30,18 +30,19 @@ impl GpuContact {
     pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
         let (may_detect, response) = (self.choice.may_detect(index), self.choice.response);
+        let vertices = self.params.vertices as usize;
         let begin_contact = match response {
             _ if may_detect => &stages.begin_contact,
             Response::None => &stages.begin_alone,
             _ => &stages.begin_between,
         };
         if let (0, Some([bound_cloth, bound_meshes])) = (index, &stages.start) {
-            bound_cloth.dispatch(pass, group, &[], self.vertices);
+            bound_cloth.dispatch(pass, group, &[], vertices);
             bound_meshes.dispatch(pass, group, &[], self.params.mesh_vertices());
         }
         // Mesh colliders that stand still are put in place once.
         let meshes_move = index == 0 || (!self.on_cpu.bodies.are_still && (may_detect || response > Response::None));
-        begin_contact.dispatch(pass, group, &[], if meshes_move { self.params.all_vertices as usize } else { self.vertices });
+        begin_contact.dispatch(pass, group, &[], if meshes_move { self.params.all_vertices as usize } else { vertices });
         if may_detect || response == Response::Full {
             let decide = if may_detect { &stages.decide } else { &stages.decide_between };
             decide.dispatch_workgroups(pass, group, &[], 1);
@@ -79,7 +80,7 @@ impl GpuContact {
     }
 
     fn encode_response(&self, stages: &Stages, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
-        let vertices = self.vertices;
+        let vertices = self.params.vertices as usize;
         stages.find.dispatch_workgroups(pass, group, &[], self.items(self.status.listed).div_ceil(FINDERS));
         let items = self.items(self.status.near + self.status.acting);
         let many = usize::from(self.status.acting >= self.many);

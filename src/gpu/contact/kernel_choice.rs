@@ -28,7 +28,7 @@ pub(super) enum Response {
 pub(super) struct KernelChoice {
     pub response: Response,
     /// Detection may be due in every so many substeps.
-    spacing: u32,
+    pub spacing: u32,
     /// Number of steps since the last one with more than one detection, and number of further ones that are not counted.
     calm_steps: u32,
     wary_for: u32,
@@ -89,14 +89,9 @@ impl KernelChoice {
         (self.at_least_for, self.at_least) = (CAUTIOUS, response);
     }
 
-    /// Detection may be due in every so many substeps.
-    pub(super) fn spacing(&self) -> u32 {
-        self.spacing.max(1)
-    }
-
     /// Whether a substep includes the kernels of detection.
     pub(super) fn may_detect(&self, substep: usize) -> bool {
-        substep.is_multiple_of(self.spacing() as usize)
+        substep.is_multiple_of(self.spacing as usize)
     }
 }
 

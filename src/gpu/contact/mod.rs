@@ -3,7 +3,7 @@
 //!
 //! It follows the sweep, which here ignores colliders, and computes the final positions. The list of pairs has limited
 //! room. If that does not suffice, the step stops, is rolled back and is repeated with more room, with the same result
-//! bit for bit as if there had been enough. Therefore each step waits for the GPU once, and is committed after that.
+//! bit for bit as if there had been enough. Therefore each attempt at a step waits for the GPU, and is committed after that.
 
 mod attempt;
 pub(crate) mod encode;
@@ -83,11 +83,8 @@ impl Checkpoint {
 pub(crate) struct GpuContact {
     /// What is done on the CPU: the search for intersections, and what mesh colliders do.
     pub(crate) on_cpu: HostContact,
-    options: Contact,
     /// What is the same in every step.
     params: ContactParams,
-    /// Number of the cloth's vertices.
-    vertices: usize,
     /// Inverse of the mass of the whole cloth (1/kg), once it was computed.
     per_mass: Option<f32>,
     /// Number of pairs that the list has room for, and the space for what detection compares.
@@ -119,7 +116,11 @@ impl GpuContact {
         let (on_cpu, params, Table(table)) = HostContact::new(cloth, contact, meshes)?;
         let (vertices, all) = (cloth.rest.len(), params.all_vertices as usize);
         let room = (ROOM_OF_VERTEX * vertices).min(MAX_ROOM).max(vertices).max(MIN_ROOM);
-        let groups = vertices.div_ceil(WORKGROUP) + params.mesh_vertices().div_ceil(WORKGROUP);
+        let [groups, mesh_groups] = [vertices, params.mesh_vertices()].map(|vertices| vertices.div_ceil(WORKGROUP) as u32);
+        let Contact { thickness, friction } = contact.unwrap_or_default();
+        let has_self_contact = on_cpu.surface.has_self_contact.into();
+        let vertices = vertices as u32;
+        let params = ContactParams { thickness, friction, vertices, has_self_contact, groups, mesh_groups, ..params };
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
         let buffers = Buffers {
             contact_params: Sent::uniform(gpu, "parameters of contact", size_of::<ContactParams>()),
@@ -130,8 +131,8 @@ impl GpuContact {
             buckets: buffer("buckets of pairs", 4 * (params.rows as usize).next_power_of_two()),
             pairs: buffer("pairs", 2 * room * size_of::<Listed>()),
             near: buffer("near pairs", NEAR.max(SPACE) * room),
-            sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(vertices)),
-            contact_state: buffer("state of contact", size_of::<StatusReadback>() + PART * groups),
+            sums: gpu.filled("sums of contact", &status::NO_SUMS.repeat(cloth.rest.len())),
+            contact_state: buffer("state of contact", size_of::<StatusReadback>() + PART * (groups + mesh_groups) as usize),
             bodies: Sent::storage(gpu, "bodies in contact", size_of::<Body>()),
             ignored: Sent::storage(gpu, "ignored pairs", size_of::<[u32; 2]>()),
             boxes: buffer("boxes of contact", BOX * params.boxes()),
@@ -142,9 +143,7 @@ impl GpuContact {
         let status = Status::nothing();
         Some(GpuContact {
             on_cpu,
-            options: contact.unwrap_or_default(),
             params,
-            vertices,
             per_mass: None,
             room,
             space: room,
@@ -210,7 +209,7 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let GpuContact { on_cpu, options, params, vertices, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
+        let GpuContact { on_cpu, params, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
         let [of_vertices, of_edges] = on_cpu.crossings.ignored();
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
@@ -218,21 +217,15 @@ impl GpuContact {
         });
         let [turn_x, turn_y, turn_z, center, travel] = on_cpu.turn(plan);
         let params = ContactParams {
-            thickness: options.thickness,
-            friction: options.friction,
-            vertices: *vertices as u32,
             // Without a response, any pair must stop the step.
             room: if choice.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
             has_kinematic: (plan.cloth.has_pins() || params.mesh_vertices() > 0).into(),
             meshes_rest: on_cpu.bodies.are_still.into(),
-            has_self_contact: on_cpu.surface.has_self_contact.into(),
             ignored: of_vertices.len() as u32,
             ignored_edges: of_edges.len() as u32,
-            groups: vertices.div_ceil(WORKGROUP) as u32,
-            mesh_groups: params.mesh_vertices().div_ceil(WORKGROUP) as u32,
             per_mass,
-            spacing: choice.spacing(),
+            spacing: choice.spacing,
             max_carry: *max_carry,
             entangled: on_cpu.crossings.entangled.len() as u32,
             turn_x,

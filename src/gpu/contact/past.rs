@@ -16,21 +16,15 @@ use crate::device::fault::GpuFault;
 impl GpuContact {
     /// Reads the state. Waits for the GPU.
     pub(crate) fn past(&self, gpu: &Gpu) -> Result<ContactPast, GpuFault> {
-        let Status { half, since, ahead, h, listed, .. } = self.status;
+        let Status { since, ahead, h, listed, .. } = self.status;
         if since < 0.0 && listed == 0 {
             return Ok(self.on_cpu.past(Default::default(), Paths::default(), h));
         }
         let (tracks, paths) = (&self.buffers.tracks, (TRACK * self.params.all_vertices as usize) as u64);
-        let [with_vertices, with_edges] = self.places(self.room);
-        let bytes = |place: &Range<u64>| place.end - place.start;
-        let staging = gpu.staging("contact so far", paths + bytes(&with_vertices) + bytes(&with_edges));
+        let staging = gpu.staging("contact so far", paths + (listed as usize * size_of::<Listed>()) as u64);
         let mut encoder = gpu.encoder();
         encoder.copy_buffer_to_buffer(tracks, 0, &staging, 0, paths);
-        let (mut end, first) = (paths, u64::from(half) * (self.room * size_of::<Listed>()) as u64);
-        for place in [with_vertices, with_edges].into_iter().filter(|place| !place.is_empty()) {
-            encoder.copy_buffer_to_buffer(&self.buffers.pairs, first + place.start, &staging, end, bytes(&place));
-            end += bytes(&place);
-        }
+        self.copy_pairs(&mut encoder, self.current(), (&staging, paths, listed as usize));
         gpu.queue().submit([encoder.finish()]);
         gpu.mapped(&staging, |bytes| {
             let (tracks, pairs) = bytes.split_at(paths as usize);

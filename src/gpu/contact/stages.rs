@@ -74,7 +74,7 @@ impl Stages {
             [0.0, 1.0].map(|collects| stage_with(shaders::RESPONSE, name, &uses, &[("COLLECTS", collects)]))
         };
         let of_vertices = [VERTICES, SUMS, CONTACT_STATE, BODIES];
-        let by_begin = [X, VERTICES, TRACKS, SUMS, CONTACT_STATE, BODIES, X_OUT, P_OUT];
+        let by_begin = [X, VERTICES, TRACKS, CONTACT_STATE, BODIES, X_OUT, P_OUT];
         let truncate = |again| {
             let by_truncate = [VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE];
             let of_pairs =
