@@ -54,6 +54,21 @@ fn every_example_runs() {
     }
 }
 
+/// The collar of the cape is gathered to .4 of its width, and its pins close in on the cloth beside them. At a film's rate they left it
+/// behind, drawn out to almost three times its length.
+#[test]
+fn a_gathered_collar_takes_its_cloth_along() {
+    let (directory, cape) = (TempDir::new().unwrap(), examples().join("cape.toml"));
+    succeeds(&run(&directory, &["--scene", cape.to_str().unwrap(), "--quiet", "--fps", "25", "--frames", "22"]));
+    let (columns, cell) = (45, 0.025);
+    for number in 18..=22 {
+        let x = frame(&directory, number);
+        let lengths = (0..columns).map(|pin| x[pin].distance(x[pin + columns]));
+        let stretch = lengths.fold(0.0, f32::max) / cell - 1.0;
+        assert!(stretch < 0.15, "in frame {number} an edge beside the pins is stretched by {stretch}");
+    }
+}
+
 #[test]
 fn the_towel_is_what_is_played_without_a_scene() {
     let directory = TempDir::new().unwrap();

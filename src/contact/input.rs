@@ -72,8 +72,6 @@ pub(super) struct ContactInput<'a> {
     pub max_carry: f32,
     /// Vertices that are not carried, sorted: see [`KnownCrossings::entangled`](super::crossings::known::KnownCrossings::entangled).
     pub entangled: &'a [u32],
-    /// Whether vertices slide along pairs with a kinematic side: where there are mesh bodies.
-    pub may_slide: bool,
     pub surface: &'a Surface,
     /// Friction coefficients by owner of the pair: see [`Bodies::friction`](super::bodies::Bodies).
     pub friction: &'a [f32],

@@ -300,7 +300,6 @@ impl TriangleContact {
             common_motion: common_motion.unwrap_or_else(|| CommonMotion::of(momentum::mean(plan.cloth, u))),
             max_carry: self.max_carry,
             entangled: &self.crossings.entangled,
-            may_slide: self.bodies.first < self.vertices(),
             surface: &self.surface,
             friction: &self.bodies.friction,
             context: SubstepContext { workers, ..context },

@@ -54,7 +54,7 @@ fn truncate_pair(n: Near) {
     truncate_vertex(v.y, w.y, held.shares.y);
     truncate_vertex(v.z, w.z, held.shares.z);
     truncate_vertex(v.w, w.w, held.shares.w);
-    if !AGAIN && contact_params.mesh_leaves > 0u && !is_free {
+    if !AGAIN && !is_free {
         let beyond = held.towards - max(held.plane.heights - held.plane.clearance, vec4f());
         let is_beyond = !is_kinematic & (held.towards > vec4f()) & (beyond > vec4f());
         let by = select(vec4f(), min(beyond, vec4f(contact_params.thickness)), is_beyond);

@@ -15,7 +15,8 @@
 //! hover.
 //!
 //! One factor shortens a displacement along the plane, too, so cloth that is pressed against a mesh body would stick to it whatever
-//! the friction. Therefore a displacement first loses what leads it beyond the planes of pairs with a kinematic side: it slides.
+//! the friction, and cloth that pins gather would be left behind by them, drawn out to several times its length. Therefore a
+//! displacement first loses what leads it beyond the planes of pairs with a kinematic side: it slides.
 //! Pairs of cloth are not treated like that, because crumpled cloth would drive itself.
 //!
 //! The displacement of a kinematic vertex cannot be shortened, so a plane moves with it. Where it passes a vertex,
@@ -110,7 +111,7 @@ impl Contacts {
     fn shorten(&mut self, input: ContactInput<'_>, round: usize) -> bool {
         let Contacts { portions, used, x, relative, shares, .. } = self;
         let (workers, width) = (input.context.workers, input.context.width);
-        let (may_slide, thickness) = (input.may_slide, input.surface.thickness);
+        let thickness = input.surface.thickness;
         let (x, relative, portions): (&[Vec4], &[Vec4], _) = (x, relative, &mut portions[..*used]);
         let (is_first, so_far) = (round == 0, &*shares);
         workers.each(Portion::shared(portions, workers), |parts| {
@@ -124,7 +125,7 @@ impl Contacts {
                     found.hold_more(portion.blocks(), |corner| round == HOLDING_ROUNDS || so_far[corner as usize] < 1.0);
                 }
                 if is_first || found.holds() {
-                    simd::run(width, Shares { portion, x, relative, may_slide, thickness, is_first, found: &mut found });
+                    simd::run(width, Shares { portion, x, relative, thickness, is_first, found: &mut found });
                 }
                 portion.truncation = found;
             }
@@ -143,7 +144,6 @@ struct Shares<'a> {
     portion: &'a Portion,
     x: &'a [Vec4],
     relative: &'a [Vec4],
-    may_slide: bool,
     thickness: f32,
     /// Whether all near pairs are to be tested, or those that are held now.
     is_first: bool,
@@ -153,7 +153,7 @@ struct Shares<'a> {
 impl Loop for Shares<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Shares { portion, x, relative, may_slide, thickness, is_first, found } = self;
+        let Shares { portion, x, relative, thickness, is_first, found } = self;
         let kind = portion.kind;
         let (zero, one, thickness) = (L::splat(0.0), L::splat(1.0), L::splat(thickness));
         let rows = |(index, block)| (0..MAX_LANES).step_by(L::LANES).map(move |first| (index, block, first));
@@ -182,7 +182,7 @@ impl Loop for Shares<'_> {
             }
             held = plane.least_shortening(held, corners_of::<L>(x, places), (relative, is_kinematic), thickness, kind);
             let Plane { normal, heights, clearance } = held.plane;
-            let has_kinematic = if may_slide { L::bits(zero.lt(kinematic_corners)) } else { 0 };
+            let has_kinematic = L::bits(zero.lt(kinematic_corners));
             for (k, share) in held.shares.into_iter().enumerate() {
                 let lanes = L::bits(share.lt(one)) & near;
                 if lanes != 0 {

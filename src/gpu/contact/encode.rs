@@ -96,8 +96,9 @@ impl GpuContact {
             [first, next, last].into_iter().for_each(|round| round.dispatch(pass, group, &[], items));
             finish.dispatch(pass, group, &[], vertices);
         };
+        let is_free = plan.meshes.is_empty() && !plan.cloth.has_pins();
         truncate(pass, &stages.truncate);
-        if !plan.meshes.is_empty() {
+        if !is_free {
             truncate(pass, &stages.truncate_again);
         }
         for _ in 0..if self.max_carry > 0.0 { ROUNDS } else { 0 } {
@@ -107,7 +108,7 @@ impl GpuContact {
         if returns_momentum(plan) {
             stages.give_back.dispatch(pass, group, &[], vertices);
         }
-        if plan.cloth.has_pins() || !plan.meshes.is_empty() {
+        if !is_free {
             stages.find_pinched.dispatch_workgroups(pass, group, &[], 1);
         }
     }

@@ -185,8 +185,8 @@ impl Portion {
 pub(crate) struct Truncation {
     /// For each vertex that is shortened, its place and the share of its displacement that is left.
     pub shares: Vec<(u32, f32)>,
-    /// For those of pairs with a kinematic side, if vertices may slide: by which vector (m), at most as long as the thickness, they
-    /// get beyond the plane, and in w its square (m²).
+    /// For those of pairs with a kinematic side: by which vector (m), at most as long as the thickness, they get beyond the plane, and
+    /// in w its square (m²).
     pub beyond: Vec<(u32, Vec4)>,
     /// The corners of pairs whose plane has passed a vertex: see [`crate::contact::contacts::pinches`].
     pub passed: Vec<[u32; 4]>,
