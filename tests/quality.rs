@@ -754,6 +754,35 @@ fn sheets_that_share_a_mesh_keep_the_bound_as_one_does() {
     }
 }
 
+/// A sheet of a stiff and heavy fabric in the same mesh takes about as many substeps as the more demanding of both alone: what substeps
+/// leave of a stretch does not depend on the stiffness.
+#[test]
+fn sheets_of_their_own_fabrics_take_no_more_substeps() {
+    let n = 16;
+    let (stiffer, heavier) = (16.0, 2.5);
+    let run = |sheets: &[(f32, f32)]| {
+        let (grid, mut mesh) = (Mesh::grid(n, n, 1.0, 1.0), Mesh::default());
+        let (mut pinned, mut mass) = (Vec::new(), Vec::new());
+        for (place, (_, heavier)) in sheets.iter().enumerate() {
+            let first = mesh.positions.len() as u32;
+            pinned.extend(first..first + n);
+            mass.extend(vec![heavier * Fabric::COTTON.density / (n * n) as f32; (n * n) as usize]);
+            mesh.positions.extend(grid.positions.iter().map(|x| *x + 2.0 * place as f32 * Vec3::X));
+            mesh.triangles.extend(grid.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        }
+        let scale = |[a, _]: [u32; 2]| sheets[(a / (n * n)) as usize].0;
+        let edge_scale = Some(mesh.edges().into_iter().map(scale).collect());
+        let options =
+            Options { backend: Backend::Cpu, pinned, fabric: Fabric::COTTON, mass: Some(mass), edge_scale, ..Options::default() };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        (0..90).map(|_| cloth.step(FRAME, &Attributes::default()).unwrap().substeps).sum::<u32>()
+    };
+    let alone = [(1.0, 1.0), (stiffer, heavier)].map(|sheet| run(&[sheet]));
+    let both = run(&[(1.0, 1.0), (stiffer, heavier)]);
+    println!("{alone:?} substeps alone, {both} in one mesh");
+    assert!(both < alone[0].max(alone[1]) * 5 / 4, "{both} substeps, alone {alone:?}");
+}
+
 /// A sheet held by two opposite sides, which wind of pressure q blows out, stretches by its own stiffness: its tension T
 /// (N/m) over the span L is given by `T³ = K q² L²/24`. No substeps help, and none are blamed.
 #[test]

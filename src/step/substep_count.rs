@@ -1,10 +1,15 @@
 //! Closed forms for the number of substeps: to resolve the stiffness, to keep a strain, and for the stability of
 //! explicit springs.
 
+use glam::Vec3;
+
 use crate::error::StepError;
 use crate::kernels::limits::MAX_SUBSTEPS;
 use crate::model::cloth::Cloth;
+use crate::model::csr::Csr;
+use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
+use crate::model::mesh::area_of;
 use crate::options::Fabric;
 use crate::options::{Levels, Method, Options, Quality};
 use crate::record::recorded;
@@ -75,7 +80,13 @@ pub(crate) struct Rates {
 impl Rates {
     pub(crate) fn new(cloth: &Cloth, options: &Options) -> Rates {
         let explicit = if options.method == Method::Springs { explicit_rate(cloth, options.fabric) } else { 0.0 };
-        Rates { unit: unit_rate(cloth, |_| 1.0), loaded: unit_rate(cloth, |link| cloth.load_share(link)), explicit, changes: 0 }
+        let of_part = if cloth.parts > 1 && (options.mass.is_some() || options.edge_scale.is_some()) {
+            loads_of_parts(cloth)
+        } else {
+            Vec::new()
+        };
+        let load = |link: &Link| cloth.load_share(link) * of_part.get(link.ends[0] as usize).unwrap_or(&1.0);
+        Rates { unit: unit_rate(cloth, |_| 1.0), loaded: unit_rate(cloth, load), explicit, changes: 0 }
     }
 
     /// Recomputed for a cloth that was changed.
@@ -212,6 +223,31 @@ fn unit_rate(cloth: &Cloth, weighed: impl Fn(&Link) -> f64) -> f64 {
     }
     let nearest = (rates.len() - 1) * 95 / 100;
     *rates.select_nth_unstable_by(nearest, f64::total_cmp).1
+}
+
+/// For each vertex, the load per stiffness of the edges of its connected part, relative to what [`Rates::strain`] assumes: that parts are
+/// as heavy as the cloth in the mean, and that stiffer edges bear more, as they do within a part. Of a part of its own fabric all
+/// edges are stiffer, and its weight is its own.
+fn loads_of_parts(cloth: &Cloth) -> Vec<f64> {
+    let count = cloth.rest.len();
+    let part = DisjointSets::parts(count, cloth.links.iter().map(|link| link.ends));
+    let (mut mass, mut area) = (vec![0.0; count], vec![0.0; count]);
+    let rest: Vec<Vec3> = cloth.rest.iter().map(|x| x.truncate()).collect();
+    part.iter().zip(&cloth.mass).for_each(|(&part, &of)| mass[part as usize] += f64::from(of));
+    cloth.triangles.iter().for_each(|&triangle| area[part[triangle[0] as usize] as usize] += area_of(triangle, &rest));
+    let held = cloth.links.iter().filter(|link| link.scale > 0.0);
+    let softness = Csr::new(count, held.map(|link| (part[link.ends[0] as usize], cloth.softness(link))));
+    let load = |part: u32| {
+        let (mut softness, area) = (softness.of(part).to_vec(), area[part as usize]);
+        if softness.is_empty() || area == 0.0 {
+            return 1.0;
+        }
+        let middle = softness.len() / 2;
+        mass[part as usize] / (area * cloth.density * *softness.select_nth_unstable_by(middle, f64::total_cmp).1)
+    };
+    let mut of_part = vec![1.0; count];
+    (0..count).filter(|&vertex| part[vertex] as usize == vertex).for_each(|vertex| of_part[vertex] = load(vertex as u32));
+    part.iter().map(|&part| of_part[part as usize]).collect()
 }
 
 /// Substeps per second at the stability limit of explicit leapfrog, for any deformation of the cloth.
