@@ -2,7 +2,8 @@
 //!
 //! The energy is `E = B/2 sum_v D_v |y_v|²` with `y_v = sum_j c_vj (x_j - x_v)`. At interior vertices `c` are cotangent
 //! weights and `D = 1/A` with mixed Voronoi areas (Meyer et al. 2003). At a vertex on a straight free edge, `y` is the
-//! curvature along that edge alone. The rest shape is flat, because cloth is cut from flat fabric. With `B = 0` none of
+//! curvature along that edge alone. The tip of a tooth, a triangle that no such row holds, bends about its base as a hinge of two
+//! triangles does (Bergou et al. 2006). The rest shape is flat, because cloth is cut from flat fabric. With `B = 0` none of
 //! this is built.
 //!
 //! Limitation: the energy depends on the mean curvature only, so a saddle costs nothing. A sheet is kept from bending
@@ -107,6 +108,25 @@ impl Bending {
             }
         }
 
+        let entry = |other, forward: f64, backward: f64| BendEntry { other, forward: forward as f32, backward: backward as f32 };
+        let is_held = |vertex: u32| free_edge[vertex as usize].is_some() || !manifold[vertex as usize];
+        let hinge_of = |(&[a, b], side): (&[u32; 2], &Sides)| {
+            let is_tip = |tip: &u32| {
+                let ends = boundary[*tip as usize].as_slice();
+                ends.len() == 2 && ends.contains(&a) && ends.contains(&b) && ![*tip, a, b].into_iter().any(is_held)
+            };
+            let tip = side.apexes.into_iter().find(is_tip).filter(|_| side.triangles == 2)?;
+            Some(([a, b], tip, side.apexes[0] ^ side.apexes[1] ^ tip))
+        };
+        let hinges: Vec<([u32; 2], u32, u32)> = edges.iter().zip(&sides).filter_map(hinge_of).collect();
+        let mut beyond = Vec::new();
+        for ([a, b], tip, far) in hinges {
+            let ([of_a, of_b, of_far], stiffness) = hinge([a, b, tip, far].map(at));
+            weight[tip as usize] = stiffness;
+            free_edge[tip as usize] = Some([(a, of_a), (b, of_b)]);
+            beyond.extend([(tip, entry(far, of_far, 0.0)), (far, entry(tip, 0.0, of_far))]);
+        }
+
         let coefficient = |vertex: u32, other: u32, side: &Sides| -> f64 {
             match free_edge[vertex as usize] {
                 _ if weight[vertex as usize] == 0.0 => 0.0,
@@ -116,10 +136,9 @@ impl Bending {
         };
         let pairs = edges.iter().zip(&sides).flat_map(|(&[i, j], side)| {
             let (ij, ji) = (coefficient(i, j, side), coefficient(j, i, side));
-            let entry =
-                |other, forward: f64, backward: f64| BendEntry { other, forward: forward as f32, backward: backward as f32 };
             [(i, entry(j, ij, ji)), (j, entry(i, ji, ij))]
         });
+        let pairs = pairs.chain(beyond.iter().copied());
         let entries = Csr::new(vertices, pairs.filter(|(_, entry)| entry.forward != 0.0 || entry.backward != 0.0));
         let diagonal =
             (0..vertices as u32).map(|vertex| entries.of(vertex).iter().map(|entry| f64::from(entry.forward)).sum()).collect();
@@ -170,6 +189,22 @@ impl Bending {
         let row = self.entries.of(v as u32).iter().filter(|e| e.forward != 0.0);
         row.map(|e| per_vertex[e.other as usize]).fold(per_vertex[v], f64::min)
     }
+}
+
+/// The row of a hinge at the edge from `a` to `b` (m) between the triangles of `tip` and `far`: the coefficients of `a`, `b` and `far`, and
+/// its stiffness (1/m²). With the heights `h` of the triangles over the edge, and the feet `p` of the heights, it is
+/// `l ((x_tip - p_tip)/h_tip + (x_far - p_far)/h_far)`, which is 0 if they lie in a plane and `l` times the angle at the edge if
+/// that is small; the stiffness is 3 over both areas.
+fn hinge([a, b, tip, far]: [glam::DVec3; 4]) -> ([f64; 3], f64) {
+    let edge = b - a;
+    let square = edge.length_squared();
+    let side = |x: glam::DVec3| {
+        let double_area = edge.cross(x - a).length();
+        (double_area, square / double_area, edge.dot(x - a) / square)
+    };
+    let [(area_tip, by_tip, foot_tip), (area_far, by_far, foot_far)] = [side(tip), side(far)];
+    let of_b = by_tip * foot_tip + by_far * foot_far;
+    ([of_b - by_tip - by_far, -of_b, by_far], 6.0 / (area_tip + area_far))
 }
 
 /// The mixed Voronoi area of a triangle's corner `k`; obtuse triangles are split by halves (Meyer et al. 2003).
