@@ -274,9 +274,14 @@ impl Controller {
     /// It is known after a step `with_most` substeps, or more, that left more than the stretch aimed at. It is forgotten
     /// after [`RENEWED`] in which the load was not `calm`, and where less than it is measured by half of that aim: what was held may be
     /// slack by now, and what is measured the shortage of substeps. Where that is so just after the number of substeps has fallen, fewer
-    /// make the cloth stiffer, as with levels, and the stretch that they leave is the reference from then on.
+    /// make the cloth stiffer, as with levels, and the stretch that they leave is the reference from then on. Also forgets which number
+    /// was too small once the cloth is slack.
     pub(crate) fn own_of(&mut self, measured: f64, with_most: bool, aim: f64, dt: f32, calm: bool) -> f64 {
         self.known_for += if calm { 0.0 } else { dt };
+        // Nothing holds it stretched any more, and no number is too small for that.
+        if measured < SLACK * aim {
+            self.too_few = 0.0;
+        }
         if with_most {
             (self.own, self.known_for) = (if measured > aim { measured } else { 0.0 }, 0.0);
         } else if self.known_for > RENEWED {
@@ -318,6 +323,8 @@ pub(crate) fn most(rates: &Rates, cloth: &Cloth) -> f64 {
 
 /// Cloth that is pulled over something keeps a tension of at least this many times the stress of its load.
 const GRIP: f64 = 5.0;
+/// Cloth is slack if it is stretched by less than this share of the stretch aimed at.
+const SLACK: f64 = 0.25;
 /// Time (s) after which stretch that is known to be the fabric's own is measured anew.
 const RENEWED: f32 = 10.0;
 /// Longest time (s) in which cloth that is held stretched settles after its number of substeps has fallen.

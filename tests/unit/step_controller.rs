@@ -41,3 +41,15 @@ fn stretch_that_no_substeps_change_is_the_fabrics_own() {
     let known = (0..60 * 60).take_while(|_| controller.own_of(0.08, false, aim, dt, false) == 0.05).count();
     assert!((500..700).contains(&known), "known for {known} frames");
 }
+
+/// A number of substeps was too small because the cloth was held stretched. Once it is slack, that number is no longer avoided: a sleeve
+/// that had been tight took 256 for ever.
+#[test]
+fn cloth_that_is_slack_may_take_what_was_too_few() {
+    let (aim, dt) = (0.02, 1.0 / 60.0);
+    for (measured, left) in [(0.02, 229.0), (0.006, 229.0), (0.004, 0.0)] {
+        let mut controller = Controller { count: 256.0, too_few: 229.0, ..Controller::default() };
+        controller.own_of(measured, true, aim, dt, true);
+        assert_eq!(controller.too_few, left, "stretched by {measured}");
+    }
+}
