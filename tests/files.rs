@@ -42,6 +42,7 @@ fn other_encodings_of_lines_are_named() {
     let of_units = |bytes: fn(u16) -> [u8; 2]| text.encode_utf16().flat_map(bytes).collect::<Vec<u8>>();
     for (bytes, words) in [
         (of_units(u16::to_le_bytes), "UTF-16 has; save it in UTF-8"),
+        (b"POINTCACHE2\0\x01\0\0\0".to_vec(), "a point cache; meshes are OBJ files"),
         (of_units(u16::to_be_bytes), "UTF-16 has; save it in UTF-8"),
         (text.replace('\n', "\r").into_bytes(), "carriage returns alone; save it with line feeds"),
         (text["# towel\n".len()..].replace('\n', "\r").into_bytes(), "carriage returns alone; save it with line feeds"),

@@ -181,6 +181,21 @@ fn a_mesh_in_centimeters_is_told_of_and_scaled() {
     assert!((frame.positions[0].x + 0.35).abs() < 1e-6);
 }
 
+/// Cloth that is kept farther apart than its edges are long is slow, for the same picture.
+#[test]
+fn a_thickness_above_the_edges_is_told_of() {
+    let directory = TempDir::new().unwrap();
+    Mesh::grid(9, 9, 0.02, 0.02).save_obj(directory.path().join("m.obj")).unwrap();
+    let warned = |thickness| {
+        let output = run(&directory, &["m.obj", "--frames", "1", "--quiet", thickness]);
+        succeeds(&output);
+        stderr(&output)
+    };
+    let text = warned("--self-contact=0.004");
+    assert!(text.contains("kept 0.004 m apart") && text.contains("mm would do"), "{text}");
+    assert_eq!(warned("--self-contact=0.001"), "");
+}
+
 /// A percentage for a share, and cloth that begins inside a collider, run, but are told of. Pins may be inside.
 #[test]
 fn what_is_probably_not_meant_is_told_of() {

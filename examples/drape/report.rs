@@ -100,15 +100,17 @@ impl Report {
         times.sort_by(f64::total_cmp);
         let median = times.get(times.len() / 2).copied().unwrap_or(0.0);
         let strain = self.frames.last().map_or(0.0, |frame| frame.mean_strain);
+        let stretch = self.frames.iter().map(|frame| frame.stretch_share).fold(0.0, f32::max);
         let deepest = self.frames.iter().map(|frame| frame.penetration).fold(0.0, f32::max);
         format!(
-            "{} on {}: {} vertices, {} frames in {}, {median:.2} ms a frame (median), mean strain {:.2} %, penetration {:.2} mm",
+            "{} on {}: {} vertices, {} frames in {}, {median:.2} ms a frame (median), mean strain {:.2} %, stretched by at most {:.1} %, penetration {:.2} mm",
             self.backend,
             self.adapter.as_deref().unwrap_or("the CPU"),
             self.vertices,
             self.frames.len(),
             out.display(),
             100.0 * strain,
+            100.0 * stretch,
             1e3 * deepest,
         )
     }

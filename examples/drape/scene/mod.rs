@@ -106,7 +106,7 @@ impl Scene {
             edge_scale: fabrics.edge_scale,
             bending_scale: fabrics.bending_scale,
             pinned: pins.iter().flat_map(|group| group.vertices.iter().copied()).collect(),
-            contact: contact(arguments, file),
+            contact: contact(arguments, file, &mesh),
             ..solver(arguments, scene)?
         };
         let untangle = arguments.untangle || file.contact.as_ref().is_some_and(|contact| contact.get_ref().untangle);
@@ -227,12 +227,24 @@ fn wind(arguments: &Arguments, scene: Option<(&Source, &File)>, timeline: Timeli
     })
 }
 
-fn contact(arguments: &Arguments, file: &File) -> Option<Contact> {
+/// Warns if the cloth is kept farther apart than its edges are long: very many pairs are near then, for the same picture.
+fn contact(arguments: &Arguments, file: &File, mesh: &Mesh) -> Option<Contact> {
     let usual = Contact::default();
     let given = file.contact.as_ref().map(Spanned::get_ref);
     let thickness = given.map(|contact| contact.thickness.map_or(usual.thickness, |thickness| thickness.0));
     let friction = given.and_then(|contact| contact.friction).map_or(usual.friction, |friction| friction.0);
     let thickness = arguments.self_contact.or(thickness)?;
+    let edges = mesh.edges();
+    let length = |[a, b]: &[u32; 2]| mesh.positions[*a as usize].distance(mesh.positions[*b as usize]);
+    let edge = edges.iter().map(length).sum::<f32>() / edges.len().max(1) as f32;
+    if edge > 0.0 && thickness > edge {
+        let message = format!(
+            "cloth is kept {thickness} m apart, farther than its edges are long ({:.2} mm), which is slow; {:.2} mm would do (`--self-contact`, or `thickness` in [contact])",
+            1e3 * edge,
+            400.0 * edge,
+        );
+        warn("warning", &message);
+    }
     Some(Contact { thickness, friction: arguments.friction.unwrap_or(friction) })
 }
 

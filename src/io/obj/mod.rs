@@ -95,6 +95,12 @@ pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     }
     // The statements are found twice, because a list of them would be longer than the text.
     let vertices = statements(text).filter(Statement::is_vertex).take(MAX_VERTICES + 1).count();
+    if vertices == 0 && text.starts_with("POINTCACHE2") {
+        return Err(ObjError::Text {
+            file,
+            problem: "it is a point cache; meshes are OBJ files, an animated one is a file for each frame",
+        });
+    }
     if vertices == 0 && text.contains('\0') {
         return Err(ObjError::Text { file, problem: "it has zero bytes, as a text in UTF-16 has; save it in UTF-8" });
     }
