@@ -451,24 +451,31 @@ fn where_nothing_touches_it_changes_no_bit() {
 }
 
 /// A sheet that hangs half through another at the start: the crossings are reported and nothing explodes. Once it has
-/// been pulled out, it is held.
+/// been pulled out, it is held. How fast cloth snaps free is a matter of chance: of eight meshes with 20 and 40 substeps, 1.8 to 18 m/s with
+/// a median of 3.3, and more with levels.
 #[test]
 fn a_start_that_crosses_is_let_go_until_it_parts() {
-    let mut mesh = jittered(Mesh::grid(13, 13, 0.6, 0.6), 8);
+    let mut fastest = [8, 18, 28, 38, 48].map(pulled_out);
+    fastest.sort_by(f32::total_cmp);
+    assert!(fastest[2] < 4.0, "the fastest vertices move at {fastest:?} m/s");
+}
+
+/// The speed (m/s) of the fastest vertex while a sheet is pulled out of another one.
+fn pulled_out(seed: u64) -> f32 {
+    let mut mesh = jittered(Mesh::grid(13, 13, 0.6, 0.6), seed);
     let held = mesh.positions.len() as u32;
     let upright = Quat::from_rotation_y(0.4) * Quat::from_rotation_x(0.5 * PI);
-    let other = jittered(Mesh::grid(9, 9, 0.3, 0.3), 9);
+    let other = jittered(Mesh::grid(9, 9, 0.3, 0.3), seed + 1);
     mesh.positions.extend(other.positions.iter().map(|&x| upright * x + 0.05 * Vec3::Y));
     mesh.triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + held)));
     let mut scene = Scene::new(mesh, 20, Vec::new());
-    // How fast cloth snaps free is a matter of chance: 3.6 m/s like this, 4.6 with 40 substeps, 11 with 80 and with levels.
     scene.options.levels = Levels::Off;
     let top: Vec<u32> = (held..held + 81).filter(|&v| scene.mesh.positions[v as usize].y > 0.19).collect();
     scene.options.pinned = (0..held).chain(top).collect();
     let mut deformer = scene.deformer();
     let start = crossings(&scene.mesh, &scene.mesh.positions);
     assert!(start.len() > 10, "{} crossings at the start", start.len());
-    let mut last = start.len();
+    let (mut last, mut fastest) = (start.len(), 0.0);
     let lifted = |v: u32, by: f32| scene.mesh.positions[v as usize] + if v < held { Vec3::ZERO } else { by * Vec3::Y };
     for frame in 0..90 {
         // It is pulled up and out in half a second, and lowered again onto the other one.
@@ -493,11 +500,11 @@ fn a_start_that_crosses_is_let_go_until_it_parts() {
             assert!(now.iter().any(is_it), "{edge:?} through {triangle:?}");
         }
         last = now.len();
-        let fastest = deformer.velocities().unwrap().iter().map(|v| v.length()).fold(0.0, f32::max);
-        assert!(fastest < 5.0, "frame {frame}: {fastest} m/s");
+        fastest = deformer.velocities().unwrap().iter().map(|v| v.length()).fold(fastest, f32::max);
     }
     assert_eq!(last, 0, "it was drawn out, and held when it came back");
     assert!(deformer.step(FRAME, &scene.attributes).unwrap().warnings.is_empty(), "nothing is left to report");
+    fastest
 }
 
 /// A row of pins that is moved through a sheet of pins: nothing can keep them apart, so this is reported, and nothing

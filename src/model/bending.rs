@@ -109,18 +109,15 @@ impl Bending {
         }
 
         let entry = |other, forward: f64, backward: f64| BendEntry { other, forward: forward as f32, backward: backward as f32 };
-        let is_held = |vertex: u32| free_edge[vertex as usize].is_some() || !manifold[vertex as usize];
-        let hinge_of = |(&[a, b], side): (&[u32; 2], &Sides)| {
-            let is_tip = |tip: &u32| {
-                let ends = boundary[*tip as usize].as_slice();
-                ends.len() == 2 && ends.contains(&a) && ends.contains(&b) && ![*tip, a, b].into_iter().any(is_held)
-            };
-            let tip = side.apexes.into_iter().find(is_tip).filter(|_| side.triangles == 2)?;
-            Some(([a, b], tip, side.apexes[0] ^ side.apexes[1] ^ tip))
-        };
-        let hinges: Vec<([u32; 2], u32, u32)> = edges.iter().zip(&sides).filter_map(hinge_of).collect();
+        let held: Vec<bool> = free_edge.iter().zip(&manifold).map(|(row, manifold)| row.is_some() || !manifold).collect();
         let mut beyond = Vec::new();
-        for ([a, b], tip, far) in hinges {
+        for (&[a, b], side) in edges.iter().zip(&sides).filter(|(_, side)| side.triangles == 2) {
+            let is_tip = |tip: &u32| {
+                let ends = &boundary[*tip as usize];
+                ends.len() == 2 && ends.contains(&a) && ends.contains(&b) && ![*tip, a, b].iter().any(|&v| held[v as usize])
+            };
+            let Some(tip) = side.apexes.into_iter().find(is_tip) else { continue };
+            let far = side.apexes[0] ^ side.apexes[1] ^ tip;
             let ([of_a, of_b, of_far], stiffness) = hinge([a, b, tip, far].map(at));
             weight[tip as usize] = stiffness;
             free_edge[tip as usize] = Some([(a, of_a), (b, of_b)]);

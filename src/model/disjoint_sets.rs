@@ -1,5 +1,7 @@
 //! Connected components of vertices (union-find).
 
+use crate::model::link::Link;
+
 /// Disjoint sets of vertices, each represented by its lowest vertex.
 #[derive(Debug)]
 pub(crate) struct DisjointSets(Vec<u32>);
@@ -15,6 +17,16 @@ impl DisjointSets {
         let mut sets = DisjointSets::new(count);
         pairs.for_each(|pair| sets.join(pair));
         (0..count as u32).map(|vertex| sets.root(vertex)).collect()
+    }
+
+    /// The part of each vertex that edges of the cloth connect.
+    pub(crate) fn parts_of_links(count: usize, links: &[Link]) -> Vec<u32> {
+        DisjointSets::parts(count, links.iter().map(|link| link.ends))
+    }
+
+    /// The part of each vertex that triangles connect.
+    pub(crate) fn parts_of_triangles(count: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
+        DisjointSets::parts(count, triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c]]))
     }
 
     /// The lowest vertex of the set that contains `vertex`.

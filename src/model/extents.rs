@@ -28,7 +28,7 @@ pub(crate) struct Extents {
 /// hooks as much as a narrow one.
 pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> bool) -> Extents {
     let vertices = rest.len() as u32;
-    let part = DisjointSets::parts(rest.len(), links.iter().map(|link| link.ends));
+    let part = DisjointSets::parts_of_links(rest.len(), links);
     let pins: Vec<u32> = (0..vertices).filter(|&vertex| is_pinned(vertex)).collect();
     let distance = if pins.is_empty() { Vec::new() } else { distances(rest.len(), links, &pins) };
     let by_part = Csr::new(rest.len(), part.iter().copied().zip(0..vertices));

@@ -22,7 +22,7 @@ pub(crate) struct FlatPart {
 
 /// The parts of a cloth at `x` that are flat.
 pub(crate) fn flat_parts(x: &[Vec4], triangles: &[[u32; 3]]) -> Vec<FlatPart> {
-    let part = DisjointSets::parts(x.len(), triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c]]));
+    let part = DisjointSets::parts_of_triangles(x.len(), triangles);
     let at = |vertex: u32| x[vertex as usize].truncate().as_dvec3();
     // Twice the areas, all on one side: a sheet may be wound either way, or both.
     let mut normal = vec![DVec3::ZERO; x.len()];

@@ -227,7 +227,7 @@ struct OwnStretch {
 
 impl OwnStretch {
     fn new(cloth: Hung<'_>, anchors: &[u32]) -> OwnStretch {
-        let root = DisjointSets::parts(cloth.rest.len(), cloth.links.iter().map(|link| link.ends));
+        let root = DisjointSets::parts_of_links(cloth.rest.len(), cloth.links);
         let (mut mass, mut pins) = (vec![0.0; root.len()], vec![0.0; root.len()]);
         for ((x, &root), &vertex_mass) in cloth.rest.iter().zip(&root).zip(cloth.mass) {
             let part = if x.w > 0.0 { (&mut mass, f64::from(vertex_mass)) } else { (&mut pins, 1.0) };

@@ -1,15 +1,11 @@
 //! Closed forms for the number of substeps: to resolve the stiffness, to keep a strain, and for the stability of
 //! explicit springs.
 
-use glam::Vec3;
-
 use crate::error::StepError;
 use crate::kernels::limits::MAX_SUBSTEPS;
 use crate::model::cloth::Cloth;
-use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
-use crate::model::mesh::area_of;
 use crate::options::Fabric;
 use crate::options::{Levels, Method, Options, Quality};
 use crate::record::recorded;
@@ -229,25 +225,24 @@ fn unit_rate(cloth: &Cloth, weighed: impl Fn(&Link) -> f64) -> f64 {
 /// as heavy as the cloth in the mean, and that stiffer edges bear more, as they do within a part. Of a part of its own fabric all
 /// edges are stiffer, and its weight is its own.
 fn loads_of_parts(cloth: &Cloth) -> Vec<f64> {
-    let count = cloth.rest.len();
-    let part = DisjointSets::parts(count, cloth.links.iter().map(|link| link.ends));
-    let (mut mass, mut area) = (vec![0.0; count], vec![0.0; count]);
-    let rest: Vec<Vec3> = cloth.rest.iter().map(|x| x.truncate()).collect();
-    part.iter().zip(&cloth.mass).for_each(|(&part, &of)| mass[part as usize] += f64::from(of));
-    cloth.triangles.iter().for_each(|&triangle| area[part[triangle[0] as usize] as usize] += area_of(triangle, &rest));
-    let held = cloth.links.iter().filter(|link| link.scale > 0.0);
-    let softness = Csr::new(count, held.map(|link| (part[link.ends[0] as usize], cloth.softness(link))));
-    let load = |part: u32| {
-        let (mut softness, area) = (softness.of(part).to_vec(), area[part as usize]);
-        if softness.is_empty() || area == 0.0 {
-            return 1.0;
+    let part = DisjointSets::parts_of_links(cloth.rest.len(), &cloth.links);
+    // Of each part, at its lowest vertex: mass (kg) and area (m²), the factors on the stiffness of its edges, and their number.
+    let mut sums = vec![[0.0; 4]; part.len()];
+    part.iter().zip(&cloth.mass).for_each(|(&part, &mass)| sums[part as usize][0] += f64::from(mass));
+    for link in &cloth.links {
+        let (sums, softness) = (&mut sums[part[link.ends[0] as usize] as usize], cloth.softness(link));
+        if softness > 0.0 {
+            // Each triangle has three edges.
+            sums[1] += link.shape / softness * f64::from(link.rest).powi(2) / 3.0;
+            sums[2] += softness;
+            sums[3] += 1.0;
         }
-        let middle = softness.len() / 2;
-        mass[part as usize] / (area * cloth.density * *softness.select_nth_unstable_by(middle, f64::total_cmp).1)
+    }
+    let load = |&part: &u32| {
+        let [mass, area, softness, edges] = sums[part as usize];
+        if edges > 0.0 { mass * edges / (area * cloth.density * softness) } else { 1.0 }
     };
-    let mut of_part = vec![1.0; count];
-    (0..count).filter(|&vertex| part[vertex] as usize == vertex).for_each(|vertex| of_part[vertex] = load(vertex as u32));
-    part.iter().map(|&part| of_part[part as usize]).collect()
+    part.iter().map(load).collect()
 }
 
 /// Substeps per second at the stability limit of explicit leapfrog, for any deformation of the cloth.

@@ -137,7 +137,7 @@ impl Surface {
             sides: Vec::new(),
             order: Vec::new(),
             rest: cloth.rest.clone(),
-            piece: DisjointSets::parts(vertices, cloth.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c]])),
+            piece: DisjointSets::parts_of_triangles(vertices, &cloth.triangles),
             owner: vec![0; vertices],
             bodies: 0,
             at: Csr::new(0, std::iter::empty()),

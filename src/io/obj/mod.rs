@@ -98,7 +98,7 @@ pub(super) fn parse(text: &str, file: Option<&Path>) -> Result<Mesh, ObjError> {
     if vertices == 0 && text.starts_with("POINTCACHE2") {
         return Err(ObjError::Text {
             file,
-            problem: "it is a point cache; meshes are OBJ files, an animated one is a file for each frame",
+            problem: "it is a point cache; meshes are OBJ files, a moving one a file for each frame",
         });
     }
     if vertices == 0 && text.contains('\0') {
