@@ -36,9 +36,9 @@ pub(super) struct Vertex {
     pub x: Vec4,
     /// Correction of the position (m) that adds no velocity.
     pub push: Vec3A,
-    /// Displacement (m) by the predictor, the constraints and the impulses of pairs, without the colliders. Contact with these is
-    /// a function of it: computed from what is left of earlier impulses, a collider would keep what it has
-    /// taken up of an impulse that is taken back in a later iteration, and return it as a velocity.
+    /// Displacement (m) by the predictor, the constraints and the impulses of pairs, without the colliders. Contact with these is a
+    /// function of it: computed from what is left of earlier impulses, a collider would keep what it has taken up of an impulse
+    /// that is taken back in a later iteration, and return it as a velocity.
     pub free: Vec3A,
     /// Sum of its weights in the pairs that act.
     pub weight: f32,
@@ -65,7 +65,7 @@ pub(super) struct ContactInput<'a> {
     pub push: &'a [Vec4],
     /// The length of the longest correction (m).
     pub most_push: f32,
-    /// Displacements (m) without the colliders; empty if there are none.
+    /// Displacements (m) without the colliders; empty if there are no colliders.
     pub free: &'a [Vec4],
     pub common_motion: CommonMotion,
     /// How far (m) vertices may be carried besides the common motion.

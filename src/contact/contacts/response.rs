@@ -17,7 +17,8 @@ use crate::kernels::pair::{RELAXATION, between, impulse, separation, step_of_lam
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector};
 
 /// Iterations of the response per second, but at least and at most so many per substep. A stack's weight spreads by about a sheet
-/// per iteration: with 4 in each of 6 substeps per 1/60 s, ten sheets that an impact has compressed stay at half their height.
+/// per iteration: with 4 in each of 6 substeps per 1/60 s, the lowest of ten sheets that an impact has compressed stay at half
+/// their distance.
 const ITERATIONS_PER_SECOND: f32 = 2400.0;
 const ITERATIONS: [usize; 2] = [4, 8];
 
