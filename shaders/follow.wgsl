@@ -17,7 +17,8 @@ struct BoundVertex {
 
 // The position (m) of a vertex without its height, from those of the corners.
 fn foot(vertex: BoundVertex, a: vec3f, b: vec3f, c: vec3f) -> vec3f {
-    return a * vertex.weights.x + b * vertex.weights.y + c * vertex.weights.z;
+    // Relative to a corner, so that rounding is as fine far from the origin as it can be.
+    return a + (b - a) * vertex.weights.y + (c - a) * vertex.weights.z;
 }
 
 // The cloth's unit normal at a vertex, from positions (m) and normals of the corners; 0 where there is no area.

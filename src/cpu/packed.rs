@@ -20,6 +20,8 @@ pub(super) struct Packed {
     pub forces: ForceArrays,
     pub coarse: Coarse,
     pub partition: Option<Partition>,
+    /// Whether it keeps apart what bending reads without an edge.
+    bends: bool,
     /// The edges of each round of the partition.
     pub edges: Vec<EdgeBatches>,
     /// The edges of each round on the way back; empty if none are in shells.
@@ -41,6 +43,7 @@ impl Packed {
             forces: ForceArrays::default(),
             coarse: Coarse::default(),
             partition: None,
+            bends: false,
             edges: Vec::new(),
             edges_back: Vec::new(),
             tethers: Vec::new(),
@@ -64,6 +67,9 @@ impl Packed {
     /// true if the schedules are new.
     pub(super) fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, contact: bool, threads: usize) -> bool {
         let coefficients = plan.coefficients;
+        if plan.bending && !exchanged && !std::mem::replace(&mut self.bends, true) && !plan.cloth.bending().across_bases.is_empty() {
+            self.forget(Change::Edges);
+        }
         let levels = coefficients.levels.len();
         let packed = Some((coefficients.length, levels, threads));
         if self.coefficients_for != packed {
@@ -102,7 +108,9 @@ impl Packed {
     fn pack_coefficients(&mut self, plan: &Plan<'_>, threads: usize) {
         let (coefficients, cloth, lanes) = (plan.coefficients, plan.cloth, self.width.lanes());
         let (edges, held, inverse_mass) = (&coefficients.edges, &coefficients.tethers, cloth.inverse_mass());
-        let partition = self.partition.get_or_insert_with(|| Partition::new(&cloth.links, cloth.swept().len(), cloth.rest.len()));
+        let apart = if self.bends { cloth.bending().across_bases.as_slice() } else { &[] };
+        let cut = || Partition::new(&cloth.links, cloth.swept().len(), apart, cloth.rest.len());
+        let partition = self.partition.get_or_insert_with(cut);
         if self.edges.is_empty() {
             let pack = |pieces: &Vec<Piece>| EdgeBatches::new(pieces, edges, &cloth.colors, &inverse_mass, lanes);
             self.edges = partition.rounds.iter().map(pack).collect();

@@ -42,7 +42,7 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct Partition {
     /// Ranges of vertices, ascending.
     pub tiles: Vec<Range<u32>>,
-    /// For each tile, itself and the tiles that its edges lead to, ascending.
+    /// For each tile, itself and the tiles whose vertices forces read there, ascending.
     pub around: Vec<Vec<u32>>,
     /// The pieces of each round. The first round has exactly one for each tile.
     pub rounds: Vec<Vec<Piece>>,
@@ -80,19 +80,20 @@ fn insert(list: &mut Vec<u32>, tile: u32) {
 }
 
 impl Partition {
-    /// Cuts a cloth of `vertices` vertices. The first `swept` of `links` are in color order, the others are not swept.
-    pub(crate) fn new(links: &[Link], swept: usize, vertices: usize) -> Partition {
-        Partition::cut(links, swept, vertices, ((REACH * distance(links)) as usize).max(MIN_TILE))
+    /// Cuts a cloth of `vertices` vertices. The first `swept` of `links` are in color order, the others are not swept. Forces read
+    /// vertices across all links, and across the pairs `apart`, which no link joins.
+    pub(crate) fn new(links: &[Link], swept: usize, apart: &[[u32; 2]], vertices: usize) -> Partition {
+        Partition::cut(links, swept, apart, vertices, ((REACH * distance(links)) as usize).max(MIN_TILE))
     }
 
     /// The same for a coarse level. Its many colors would connect all borders into one piece, so the tiles are narrower
     /// and there are more rounds. For one thread there is a single tile.
     pub(crate) fn coarse(links: &[Link], vertices: usize, threads: usize) -> Partition {
         if threads == 1 {
-            return Partition::cut(links, links.len(), vertices, vertices);
+            return Partition::cut(links, links.len(), &[], vertices, vertices);
         }
         let narrow = (0.5 * REACH * distance(links)) as usize;
-        Partition::cut(links, links.len(), vertices, narrow.max(vertices / MAX_COARSE_TILES).max(MIN_TILE / 4))
+        Partition::cut(links, links.len(), &[], vertices, narrow.max(vertices / MAX_COARSE_TILES).max(MIN_TILE / 4))
     }
 
     /// The pieces of each round on the way back of a sweep, which visits the rounds from the last to the first, and in
@@ -108,24 +109,24 @@ impl Partition {
     }
 
     /// Cuts into tiles of about `length` vertices.
-    fn cut(links: &[Link], swept: usize, vertices: usize, length: usize) -> Partition {
+    fn cut(links: &[Link], swept: usize, apart: &[[u32; 2]], vertices: usize, length: usize) -> Partition {
         let count = (vertices / length).max(1);
         let start = |tile: usize| match tile {
             _ if tile == count => vertices as u32,
-            _ => (tile * vertices / count / GROUP * GROUP) as u32,
+            // With 64 bits where addresses have 32, too.
+            _ => (tile as u64 * vertices as u64 / count as u64) as u32 / GROUP as u32 * GROUP as u32,
         };
         let ranges: Vec<Range<u32>> = (0..count).map(|tile| start(tile)..start(tile + 1)).collect();
         let mut tile_of = vec![0_u32; vertices];
         for (tile, range) in ranges.iter().enumerate() {
             tile_of[range.start as usize..range.end as usize].fill(tile as u32);
         }
-        let crosses = |link: &Link| tile_of[link.ends[0] as usize] != tile_of[link.ends[1] as usize];
-
         let mut waits = vec![false; vertices];
-        // Edges between two pins are not swept. But forces read vertices across them, so the first round must not move
-        // their vertices.
-        for link in links[swept..].iter().filter(|link| crosses(link)) {
-            link.ends.iter().for_each(|&end| waits[end as usize] = true);
+        // Edges between two pins are not swept, and some pairs have no edge. But forces read vertices across them, so the first round
+        // must not move their vertices.
+        let unswept = links[swept..].iter().map(|link| link.ends).chain(apart.iter().copied());
+        for ends in unswept.filter(|ends| tile_of[ends[0] as usize] != tile_of[ends[1] as usize]) {
+            ends.iter().for_each(|&end| waits[end as usize] = true);
         }
         let places: Vec<u32> = (0..swept as u32).collect();
         let (first, mut late) = round(links, &places, &tile_of, count, &mut waits);
@@ -157,9 +158,10 @@ impl Partition {
             rounds.push(pieces.into_iter().filter(|piece| !piece.edges.is_empty()).collect());
             late = later;
         }
-        give_vertices(links, &waits, &tile_of, &mut rounds);
+        let read = || links.iter().map(|link| link.ends).chain(apart.iter().copied());
+        give_vertices(links, read(), &waits, &tile_of, &mut rounds);
         let mut around: Vec<Vec<u32>> = (0..count as u32).map(|tile| vec![tile]).collect();
-        for [a, b] in links.iter().map(|link| link.ends.map(|end| tile_of[end as usize])).filter(|[a, b]| a != b) {
+        for [a, b] in read().map(|ends| ends.map(|end| tile_of[end as usize])).filter(|[a, b]| a != b) {
             insert(&mut around[a as usize], b);
             insert(&mut around[b as usize], a);
         }
@@ -220,8 +222,15 @@ fn borders(links: &[Link], late: &[u32], waits: &[bool], tile_of: &[u32]) -> Vec
 }
 
 /// Gives each vertex to the piece that sweeps its last edge; that piece's task moves it. Deferred vertices without a
-/// deferred edge go to the piece of their group. Then determines which tiles each piece accesses.
-fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [Vec<Piece>]) {
+/// deferred edge go to the piece of their group. Then determines which tiles each piece accesses, given the pairs of vertices across
+/// which forces `read`.
+fn give_vertices(
+    links: &[Link],
+    read: impl Iterator<Item = [u32; 2]>,
+    waits: &[bool],
+    tile_of: &[u32],
+    rounds: &mut [Vec<Piece>],
+) {
     let mut owner: Vec<Option<(u32, u32)>> = vec![None; waits.len()];
     for (round, pieces) in rounds.iter().enumerate().skip(1) {
         for (index, piece) in pieces.iter().enumerate() {
@@ -258,8 +267,8 @@ fn give_vertices(links: &[Link], waits: &[bool], tile_of: &[u32], rounds: &mut [
         }
     }
     // Add the tiles whose forces read vertices that the piece moves.
-    for link in links {
-        for [moved, by] in [link.ends, [link.ends[1], link.ends[0]]] {
+    for ends in read {
+        for [moved, by] in [ends, [ends[1], ends[0]]] {
             if let Some((round, piece)) = owner[moved as usize].filter(|&(round, _)| round > 0) {
                 insert(&mut rounds[round as usize][piece as usize].touches, tile_of[by as usize]);
             }

@@ -1,6 +1,8 @@
 //! Compiled kernels, kept with the device that they belong to.
 
 use std::cell::RefCell;
+#[cfg(not(target_arch = "wasm32"))]
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::device::fault::GpuFault;
@@ -78,7 +80,8 @@ impl Gpu {
             #[cfg(not(target_arch = "wasm32"))]
             {
                 let pipeline = made.clone();
-                rayon::spawn(move || _ = pipeline.get());
+                // A panic here would end the process. Whoever waits for the pipeline compiles it then, and hears of it.
+                rayon::spawn(move || _ = catch_unwind(AssertUnwindSafe(|| _ = pipeline.get())));
             }
             pipelines.push(made.clone());
             made

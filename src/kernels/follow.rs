@@ -23,8 +23,8 @@ pub(crate) struct BoundVertex {
 
 /// The position (m) of a vertex without its height, from those of the corners.
 pub(crate) fn foot(vertex: &BoundVertex, [a, b, c]: [Vec3; 3]) -> Vec3 {
-    let [of_a, of_b, of_c] = vertex.weights;
-    a * of_a + b * of_b + c * of_c
+    // Relative to a corner, so that rounding is as fine far from the origin as it can be.
+    a + (b - a) * vertex.weights[1] + (c - a) * vertex.weights[2]
 }
 
 /// The cloth's unit normal at a vertex, from positions (m) and normals of the corners; 0 where there is no area.

@@ -28,6 +28,8 @@ pub(crate) struct Bending {
     pub weight: Vec<f64>,
     /// `-c_vv` for each vertex.
     pub diagonal: Vec<f64>,
+    /// The tip of each tooth and the vertex beyond its base. They are in each other's rows, but no edge joins them.
+    pub across_bases: Vec<[u32; 2]>,
 }
 
 /// A boundary vertex has a row if the cosine of the angle between its two boundary edges is below this, that is, if
@@ -139,7 +141,8 @@ impl Bending {
         let entries = Csr::new(vertices, pairs.filter(|(_, entry)| entry.forward != 0.0 || entry.backward != 0.0));
         let diagonal =
             (0..vertices as u32).map(|vertex| entries.of(vertex).iter().map(|entry| f64::from(entry.forward)).sum()).collect();
-        Bending { entries, weight, diagonal }
+        let across_bases = beyond.iter().step_by(2).map(|(tip, entry)| [*tip, entry.other]).collect();
+        Bending { entries, weight, diagonal, across_bases }
     }
 
     /// Bending energy (J) of positions `x` (m) for unit rigidity.

@@ -18,14 +18,23 @@ pub(crate) struct Aggregate {
     /// Center of mass (m).
     pub center: DVec3,
     pub pinned: bool,
-    /// Sum of the area-weighted normals.
+    /// Sum of the area-weighted normals, and of their lengths.
     pub normal: DVec3,
+    pub area: f64,
 }
+
+/// If the area-weighted normals of an aggregate cancel, up to this share, it goes around a tube.
+const CURLED: f64 = 0.1;
 
 impl Aggregate {
     /// One over the mass (1/kg); 0 if pinned.
     pub(crate) fn inverse_mass(&self) -> f64 {
         if self.pinned { 0.0 } else { 1.0 / self.mass }
+    }
+
+    /// A vector along its normal; zero if it has none because it is a thread, or goes around a tube.
+    pub(crate) fn normal(&self) -> DVec3 {
+        if self.normal.length() < CURLED * self.area { DVec3::ZERO } else { self.normal }
     }
 }
 

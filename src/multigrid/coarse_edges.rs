@@ -90,7 +90,7 @@ impl Fiber {
 impl Stiffness {
     pub(crate) fn new(fibers: &[Fiber], aggregates: &[Aggregate], aggregate_of: &[u32]) -> Stiffness {
         let of = |fiber: &Fiber| fiber.ends.map(|vertex| aggregate_of[vertex as usize] as usize);
-        // Threads have no normal; any plane through a thread serves as its plane.
+        // Threads and tubes have no normal; any plane through a thread serves as its plane.
         let mut along = vec![DVec3::ZERO; aggregates.len()];
         for fiber in fibers {
             let d = fiber.direction;
@@ -100,10 +100,10 @@ impl Stiffness {
             }
         }
         let frame = |(aggregate, along): (&Aggregate, &DVec3)| {
-            let side = aggregate.normal.cross(*along);
+            let side = aggregate.normal().cross(*along);
             let side =
                 if side.length_squared() > 0.0 { side.normalize() } else { along.any_orthogonal_vector().normalize_or_zero() };
-            let normal = aggregate.normal.normalize_or_zero();
+            let normal = aggregate.normal().normalize_or_zero();
             let e = (*along - normal * normal.dot(*along)).normalize_or_zero();
             [e, side]
         };
@@ -146,6 +146,9 @@ fn along(tensor: DMat3, q: DVec3) -> (f64, f64) {
         return (0.0, 0.0);
     }
     let q = q.normalize_or_zero();
+    if q == DVec3::ZERO {
+        return (0.0, 0.0);
+    }
     let compliance = q.dot((tensor + DMat3::IDENTITY * (1e-6 * trace)).inverse() * q);
     (1.0 / compliance, 1.0 / (compliance * trace))
 }
@@ -186,7 +189,7 @@ impl Edges<'_> {
     /// The edge between two aggregates; none if the cloth does not connect them along it.
     fn between(&self, pair: [u32; 2]) -> Option<Link> {
         let [a, b] = pair.map(|aggregate| &self.aggregates[aggregate as usize]);
-        let turn = 0.5 * a.normal.angle_between(b.normal);
+        let turn = 0.5 * a.normal().angle_between(b.normal());
         let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
         let mut rest = a.center.distance(b.center) * bent;
         if a.pinned || b.pinned {
@@ -235,7 +238,7 @@ pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u3
                     continue;
                 }
                 let [x, y, z] = [a, between, b].map(|aggregate| aggregates[aggregate as usize].center);
-                let side = (y - x).cross(z - x).dot(aggregates[a as usize].normal + aggregates[b as usize].normal);
+                let side = (y - x).cross(z - x).dot(aggregates[a as usize].normal() + aggregates[b as usize].normal());
                 sides.entry(b).or_default()[usize::from(side > 0.0)] = true;
             }
         }

@@ -194,12 +194,16 @@ fn vertices(cloth: &Cloth) -> Vec<Aggregate> {
         center: x.truncate().as_dvec3(),
         pinned: x.w == 0.0,
         normal: DVec3::ZERO,
+        area: 0.0,
     };
     let mut aggregates: Vec<Aggregate> = cloth.rest.iter().zip(&cloth.mass).map(aggregate).collect();
     for corners in &cloth.triangles {
         let [a, b, c] = corners.map(|vertex| aggregates[vertex as usize].center);
         let normal = (b - a).cross(c - a);
-        corners.iter().for_each(|&vertex| aggregates[vertex as usize].normal += normal);
+        for &vertex in corners {
+            let aggregate = &mut aggregates[vertex as usize];
+            (aggregate.normal, aggregate.area) = (aggregate.normal + normal, aggregate.area + normal.length());
+        }
     }
     aggregates
 }
@@ -213,6 +217,7 @@ fn merged(items: &[Aggregate], label: &[u32], count: usize) -> Vec<Aggregate> {
         aggregate.center += item.center * item.mass;
         aggregate.pinned = item.pinned;
         aggregate.normal += item.normal;
+        aggregate.area += item.area;
     }
     aggregates.iter_mut().for_each(|aggregate| aggregate.center /= aggregate.mass);
     aggregates

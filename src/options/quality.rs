@@ -6,7 +6,9 @@
 pub enum Quality {
     /// A fixed number of substeps per 1/60 s. A step of length `dt` takes `ceil(60 dt n)`, so that its substeps are
     /// never longer than those of a step of 1/60 s. Cloth that is too stiff for its substeps stretches as much as the
-    /// substep's length lets it; keeping that length makes it stretch equally whatever `dt` is.
+    /// substep's length lets it; keeping that length makes it stretch equally whatever `dt` is. Positions have 24 bits, so of a motion
+    /// by less than 1e-6 of the distance from the cloth's first center in a substep, several percent may be rounded away: 0.02 m/s
+    /// at a distance of 0.6 m with 500.
     Substeps(u32),
     /// In every step, 99 percent of the cloth's area is stretched by at most this much beyond what the fabric itself
     /// yields under its load. Short for [`Quality::Hold`] with a share of 0.99.

@@ -204,14 +204,15 @@ fn distance(from: [Vec3; 2], to: [Vec3; 2]) -> f32 {
 /// Up to so many colliders that moved, each is compared with each, which needs no memory.
 const FEW: usize = 16;
 
-/// Whether colliders can be matched by their order: their kinds agree, and no two of a kind that moved would have moved
-/// less if each were the other.
+/// Whether colliders can be matched by their order: their kinds agree, and no two of a kind that moved, and were not teleported,
+/// would have moved less if each were the other.
 fn are_in_order<'a>(last: impl Iterator<Item = &'a Collider> + Clone, now: impl Iterator<Item = &'a Collider> + Clone) -> bool {
     let kind = |collider: &Collider| discriminant(&collider.shape);
     if !last.clone().map(kind).eq(now.clone().map(kind)) {
         return false;
     }
-    let ways = last.zip(now).map(|(last, now)| Way::new(last, now)).filter(|way| way.length > 0.0);
+    let moving = last.zip(now).filter(|(_, now)| !now.teleported);
+    let ways = moving.map(|(last, now)| Way::new(last, now)).filter(|way| way.length > 0.0);
     if ways.clone().nth(FEW).is_none() {
         let others = |index: usize| ways.clone().skip(index + 1);
         return ways.clone().enumerate().all(|(index, way)| others(index).all(|other| !way.is_longer_than_exchanged(&other)));

@@ -21,12 +21,21 @@ fn cloths() -> Vec<(&'static str, Cloth)> {
     // With vertices that have no edge.
     let mut loose = grid.clone();
     loose.triangles.retain(|corners| !corners.iter().any(|vertex| vertex % 50 > 45));
+    // With teeth on the left, whose tips come last: no edge leads from a tip across the base of its tooth.
+    let mut teeth = Mesh::grid(61, 100, 1.0, 1.64);
+    let corners = (0..99).flat_map(|row| (0..60).map(move |column| 61 * row + column));
+    teeth.triangles = corners.flat_map(|i| [[i, i + 62, i + 1], [i, i + 61, i + 62]]).collect();
+    for row in (2..98).step_by(4) {
+        teeth.triangles.push([61 * row, 61 * (row + 1), teeth.positions.len() as u32]);
+        teeth.positions.push(2.0 * teeth.positions[61 * row as usize] - teeth.positions[61 * row as usize + 1]);
+    }
     vec![
         ("grid", build(&grid, vec![0, 39])),
         ("loose", build(&loose, vec![0, 39])),
         ("pinned rows", build(&grid, (0..1300).collect())),
         ("shuffled", build(&shuffled, vec![])),
         ("fan", build(&fan, vec![])),
+        ("teeth", build(&teeth, vec![])),
         ("two", build(&two, vec![7])),
         ("one triangle", build(&Mesh { triangles: vec![[0, 1, 2]], ..Mesh::grid(2, 2, 1.0, 1.0) }, vec![])),
     ]
@@ -37,9 +46,12 @@ fn cloths() -> Vec<(&'static str, Cloth)> {
 #[test]
 fn tiles_keep_the_color_order() {
     for (name, cloth) in cloths() {
-        for length in [1, 7, 100, 330, 5000] {
+        let bending = cloth.bending();
+        let rows = (0..cloth.rest.len() as u32).flat_map(|v| bending.entries.of(v).iter().map(move |entry| [v, entry.other]));
+        let read: Vec<[u32; 2]> = cloth.links.iter().map(|link| link.ends).chain(rows).collect();
+        for length in [1, 7, 100, 330, 512, 5000] {
             let swept = cloth.swept();
-            let partition = Partition::cut(&cloth.links, swept.len(), cloth.rest.len(), length);
+            let partition = Partition::cut(&cloth.links, swept.len(), &bending.across_bases, cloth.rest.len(), length);
             let mut owner = vec![(0, 0); cloth.rest.len()];
             let mut moved = vec![0; cloth.rest.len()];
             for (round, pieces) in partition.rounds.iter().enumerate() {
@@ -80,20 +92,19 @@ fn tiles_keep_the_color_order() {
                     let ends = piece.edges.iter().flat_map(|&place| swept[place as usize].ends);
                     assert!(ends.chain(piece.vertices.iter().cloned().flatten()).all(touches), "{name} {length}");
                     let moves = |end: u32| owner[end as usize] == (round, index);
-                    let looks = cloth.links.iter().map(|link| link.ends).filter(|ends| ends.iter().any(|&end| moves(end)));
-                    assert!(looks.flatten().all(touches), "{name} {length}: somebody looks at what {round}.{index} moves");
+                    let looks = read.iter().filter(|ends| ends.iter().any(|&end| moves(end)));
+                    assert!(looks.flatten().copied().all(touches), "{name} {length}: somebody looks at what {round}.{index} moves");
                 }
             }
-            for [a, b] in cloth.links.iter().map(|link| link.ends) {
-                let [a, b] = [a, b].map(|end| of(end).unwrap());
+            for ends in &read {
+                let [a, b] = ends.map(|end| of(end).unwrap());
                 assert!(
                     partition.around[a].contains(&(b as u32)) && partition.around[b].contains(&(a as u32)),
                     "{name} {length}"
                 );
             }
-            // Forces read across edges between tiles, so the first round must not move their vertices.
-            for link in &cloth.links {
-                let [a, b] = link.ends;
+            // Forces read across the borders of tiles, so the first round must not move vertices there.
+            for &[a, b] in &read {
                 assert!(of(a) == of(b) || [a, b].iter().all(|&end| owner[end as usize].0 > 0), "{name} {length}");
             }
         }
@@ -103,7 +114,7 @@ fn tiles_keep_the_color_order() {
 #[test]
 fn borders_of_a_grid_are_apart() {
     let cloth = Cloth::new(&Mesh::grid(64, 128, 1.0, 2.0), &Options::default()).unwrap();
-    let partition = Partition::new(&cloth.links, cloth.swept().len(), cloth.rest.len());
+    let partition = Partition::new(&cloth.links, cloth.swept().len(), &[], cloth.rest.len());
     assert!(partition.tiles.len() > 8, "{} tiles", partition.tiles.len());
     assert_eq!(partition.rounds.len(), 2);
     assert_eq!(partition.rounds[1].len(), partition.tiles.len() - 1);

@@ -38,7 +38,7 @@ fn swept(cloth: &Cloth, from: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rul
     let [mut x, mut u] = [(); 2].map(|()| AlignedVec::new(start.len()));
     x.copy_from_slice(from);
     u.copy_from_slice(start);
-    let partition = Partition::new(&cloth.links, cloth.swept().len(), x.len());
+    let partition = Partition::new(&cloth.links, cloth.swept().len(), &[], x.len());
     let weights = cloth.inverse_mass();
     let task = Task::alone();
     for pieces in partition.rounds.iter().chain(partition.rounds_back(cloth).iter().rev()) {

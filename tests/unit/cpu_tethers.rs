@@ -54,7 +54,7 @@ fn every_width_holds_as_the_oracle_does() {
         }
         let moved = plain.iter().zip(&start).map(|(a, b)| (a - b).truncate().length()).fold(0.0, f32::max);
         assert!(moved > 0.1 * size, "{size}: something is held");
-        let partition = Partition::new(&cloth.links, cloth.swept().len(), x.len());
+        let partition = Partition::new(&cloth.links, cloth.swept().len(), &[], x.len());
         for width in Width::all() {
             let [mut x_now, mut u] = [(); 2].map(|()| AlignedVec::new(start.len()));
             x_now.copy_from_slice(&x);

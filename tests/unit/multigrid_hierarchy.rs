@@ -157,36 +157,72 @@ fn a_slit_is_not_bridged() {
     }
 }
 
-/// On a tube, the aggregates' centers lie inside it, and the cloth between two of them is longer than their distance.
-#[test]
-fn a_tube_is_not_held_round() {
-    let (around, along, radius) = (64_u32, 32_u32, 1.0 / std::f32::consts::TAU);
+/// An open tube around the y-axis, of square cells.
+fn tube(around: u32, along: u32, radius: f32) -> Mesh {
+    let side = std::f32::consts::TAU * radius / around as f32;
     let at = |i: u32| {
         let turn = (i % around) as f32 / around as f32 * std::f32::consts::TAU;
-        Vec3::new(radius * turn.cos(), (i / around) as f32 / around as f32, radius * turn.sin())
+        Vec3::new(radius * turn.cos(), (i / around) as f32 * side, radius * turn.sin())
     };
-    let positions: Vec<Vec3> = (0..around * along).map(at).collect();
     let quads = (0..around * (along - 1)).flat_map(|i| {
         let next = i / around * around + (i + 1) % around;
         [[i, next, i + around], [next, next + around, i + around]]
     });
-    let mesh = Mesh { positions, triangles: quads.collect() };
+    Mesh { positions: (0..around * along).map(at).collect(), triangles: quads.collect() }
+}
+
+/// The centers of aggregates, given that of each vertex, and how much of the circle around the y-axis each covers: 0 if it goes around.
+fn centers(cloth: &Cloth, of_vertex: &[u32], count: usize) -> Vec<(DVec3, f64)> {
+    let mut sums = vec![(DVec3::ZERO, DVec3::ZERO, 0.0); count];
+    for (v, &aggregate) in of_vertex.iter().enumerate() {
+        let (x, m) = (cloth.rest[v].truncate().as_dvec3(), f64::from(cloth.mass[v]));
+        let (sum, out, mass) = &mut sums[aggregate as usize];
+        (*sum, *out, *mass) = (*sum + x * m, *out + x.with_y(0.0).normalize() * m, *mass + m);
+    }
+    sums.into_iter().map(|(sum, out, mass)| (sum / mass, out.length() / mass)).collect()
+}
+
+/// On a tube, the aggregates' centers lie inside it, and the cloth between two of them is longer than their distance.
+#[test]
+fn a_tube_is_not_held_round() {
+    let radius = 1.0 / std::f32::consts::TAU;
+    let mesh = tube(64, 32, radius);
     let levels = check(&mesh, Options::default());
     let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
-    let center = |a: u32| {
-        let of = (0..cloth.rest.len()).filter(|&v| levels[0].label[v] == a);
-        let (sum, mass) = of.fold((DVec3::ZERO, 0.0), |(sum, mass), v| {
-            let m = f64::from(cloth.mass[v]);
-            (sum + cloth.rest[v].truncate().as_dvec3() * m, mass + m)
-        });
-        sum / mass
-    };
+    let center = centers(&cloth, &levels[0].label, levels[0].inverse_mass.len());
     for link in &levels[0].links {
-        let [a, b] = link.ends.map(center);
+        let [(a, _), (b, _)] = link.ends.map(|end| center[end as usize]);
         // The distance on the flattened tube, from the arc at the tube's radius and the distance along it.
         let angle = (a.with_y(0.0)).angle_between(b.with_y(0.0));
         let flat = (angle * f64::from(radius)).hypot(a.y - b.y);
         assert!(f64::from(link.rest) > 0.98 * flat, "{link:?}: flat, they are {flat} apart");
         assert!(f64::from(link.rest) < 1.1 * flat, "{link:?}: flat, they are {flat} apart");
     }
+}
+
+/// Of aggregates that go around a sleeve the normals cancel, but for rounding. They are as far apart as their centers.
+#[test]
+fn a_sleeve_is_held_along_its_length() {
+    let mesh = tube(16, 160, 0.05);
+    let levels = check(&mesh, Options::default());
+    let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+    let mut of_vertex: Vec<u32> = (0..cloth.rest.len() as u32).collect();
+    let mut around = 0;
+    for level in &levels {
+        of_vertex.iter_mut().for_each(|item| *item = level.label[*item as usize]);
+        let center = centers(&cloth, &of_vertex, level.inverse_mass.len());
+        let rings = center.iter().filter(|(_, out)| *out < 0.05).count();
+        let mut joined = BTreeSet::new();
+        for link in &level.links {
+            let [(a, of_a), (b, of_b)] = link.ends.map(|end| center[end as usize]);
+            if of_a.max(of_b) < 0.05 {
+                let share = f64::from(link.rest) / a.distance(b);
+                assert!((share - 1.0).abs() < 0.01, "{link:?}: {share} times as long as they are apart");
+                joined.extend(link.ends);
+            }
+        }
+        assert!(rings == level.inverse_mass.len() && joined.len() == rings || rings == 0, "{rings} rings, {} joined", joined.len());
+        around += rings;
+    }
+    assert!(around > 10, "{around}");
 }

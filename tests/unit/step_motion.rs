@@ -41,6 +41,17 @@ fn another_order_is_not_taken_for_motion() {
     assert!(motion.followed(&now).all(|(now, from)| now == from), "two changed places");
 }
 
+/// One that is put elsewhere says nothing about the order of the others.
+#[test]
+fn a_teleported_collider_leaves_the_others_their_motion() {
+    let ball = |x: f32| Collider::sphere(Vec3::X * x, 0.1);
+    let (last, now) = ([ball(0.0), ball(10.0)], [ball(0.03), ball(0.01).teleported()]);
+    let motion = Motion { colliders: last.to_vec(), ..Motion::default() };
+    let from: Vec<&Collider> = motion.followed(&now).map(|(_, from)| from).collect();
+    assert_eq!(from, [&last[0], &now[1]]);
+    assert!(!are_in_order(last.iter(), [ball(0.03), ball(0.01)].iter()), "without a word they may have changed places");
+}
+
 /// Whether some two of a kind would have moved less if each were the other: every pair compared with every other.
 fn some_exchange_is_shorter(last: &[Collider], now: &[Collider]) -> bool {
     let distance =
