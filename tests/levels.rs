@@ -378,6 +378,42 @@ fn more_substeps_are_not_worse_where_levels_end() {
     }
 }
 
+/// A cotton sheet that hangs from its whole upper edge in air: the distance (m) between the ends of its hem, and how far (m) it gets
+/// from its plane, after 12 s.
+fn hung([columns, rows]: [u32; 2], [width, height]: [f32; 2], quality: Quality, levels: Levels, air: &Attributes) -> [f32; 2] {
+    let mut mesh = Mesh::grid(columns, rows, width, height);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, -x.z, 0.0));
+    let (fabric, pinned) = (Fabric::COTTON, (0..columns).collect());
+    let options = Options { backend: Backend::Cpu, quality, levels, fabric, pinned, ..Options::default() };
+    let mut cloth = Deformer::new(&mesh, options).unwrap();
+    play(&mut cloth, 720, air);
+    let x = cloth.positions().unwrap();
+    let hem = &x[((rows - 1) * columns) as usize..];
+    [hem[0].distance(hem[columns as usize - 1]), x.iter().map(|x| x.z.abs()).fold(0.0, f32::max)]
+}
+
+/// Levels pull hung cloth together across its load. If it bends, it wrinkles, and a breeze rolls it up. By default it hangs without
+/// them.
+#[test]
+fn a_breeze_does_not_roll_up_what_hangs() {
+    let (few, by_default) = (Quality::Substeps(10), Quality::default());
+    let breeze = |x| Attributes { wind: Vec3::new(x, 0.0, 0.8), air_density: 1.2, ..Attributes::default() };
+    let panel = |quality, levels, x| hung([11, 21], [0.5, 1.0], quality, levels, &breeze(x));
+    let [left, right] = [-0.6, 0.6].map(|x| panel(by_default, Levels::Auto, x));
+    let rolled = panel(few, Levels::Count(9), 0.6);
+    println!("in a breeze: {left:?} and {right:?} m, with levels {rolled:?} m");
+    for [hem, out] in [left, right] {
+        assert!((hem - 0.5).abs() < 0.005 && (out - right[1]).abs() < 0.002, "{left:?} and {right:?} m");
+    }
+    assert!(rolled[0] < 0.45, "with levels {rolled:?} m");
+
+    let still = Attributes { damping: 2.0, ..Attributes::default() };
+    let curtain = |quality, levels| hung([21, 49], [1.0, 2.4], quality, levels, &still);
+    let (flat, wrinkled) = (curtain(by_default, Levels::Auto), curtain(few, Levels::Count(9)));
+    println!("in still air: {flat:?} m, with levels {wrinkled:?} m");
+    assert!(flat[1] < 1e-3 && wrinkled[1] > 5e-3, "{flat:?} m, with levels {wrinkled:?} m");
+}
+
 /// Triangles that are turned over are turned back, so levels and a bound render mesh are as if all had been wound alike.
 #[test]
 fn winding_does_not_matter() {

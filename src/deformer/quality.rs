@@ -12,7 +12,7 @@ use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, 
 use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, most};
 use crate::step::load::Load;
 use crate::step::own_stretch::{accepted, excess, resolved_share};
-use crate::step::substep_count::{SIXTIETHS, is_gale};
+use crate::step::substep_count::{SIXTIETHS, STANDARD_GRAVITY, is_gale};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
@@ -28,6 +28,11 @@ const LEVELS_PAY: usize = 8192;
 /// whose aggregates have 16 vertices, as with the three to six levels that resolve the strain
 /// (`benches/results/quality.md`). Each further level takes 8.5 us of a substep on an H200, whatever its size.
 const COARSE_ENOUGH: usize = 4096;
+
+/// Cloth that bends hangs without levels if so many substeps in 1/60 s, by the strain law with a factor of 1, leave this stretch under its
+/// weight: levels pull it together across the load (see [`hierarchy`](crate::multigrid::hierarchy)).
+const FEW_ENOUGH: f64 = 32.0;
+const BORNE: f64 = 0.03;
 
 /// The stretch that cloth with contact may have under its weight, by the strain law with a factor of 1, to keep a
 /// [`Quality::Budget`].
@@ -93,28 +98,35 @@ impl Deformer {
         }
     }
 
-    /// How cautiously substeps are chosen: with contact of triangles or without, and without on a GPU, with levels or with more substeps
-    /// instead.
+    /// How cautiously substeps are chosen: on a GPU without contact of triangles, or else; with levels, or with more substeps instead.
     pub(super) fn caution(&self, has_contact: bool, trades_levels: bool) -> Caution {
         match self.backend() == Backend::Gpu && !has_contact {
             _ if self.cloth.is_shell => Caution::SHELL,
+            false if trades_levels => Caution::PROMPT_WITHOUT_LEVELS,
             false => Caution::PROMPT,
             true if trades_levels => Caution::LATE_WITHOUT_LEVELS,
             true => Caution::LATE,
         }
     }
 
-    /// Whether a step without contact of triangles, in wind of this dynamic pressure (Pa), keeps the bound on strain on a GPU
-    /// with more substeps instead of levels, because they take less time.
-    pub(super) fn trades_levels(&self, pressure: f64) -> bool {
+    /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels: on a GPU
+    /// without contact of triangles because they take less time, and where cloth that bends hangs because levels would wrinkle it.
+    pub(super) fn trades_levels(&self, has_contact: bool, pressure: f64) -> bool {
+        let is_fast = self.backend() == Backend::Gpu && !has_contact;
         let may = match self.options.levels {
-            Levels::Auto => self.cloth.used < LEVELS_PAY,
+            Levels::Auto => is_fast && self.cloth.used < LEVELS_PAY || self.hangs_lightly(),
             Levels::Off => true,
             Levels::Count(_) => false,
         };
-        may && self.backend() == Backend::Gpu
-            && self.strain_bound().is_some()
-            && !is_gale(&self.cloth, pressure, self.state.controller.levels())
+        may && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure, self.state.controller.levels())
+    }
+
+    /// Whether cloth that bends hangs from pins, and needs few substeps to bear its weight without levels.
+    fn hangs_lightly(&self) -> bool {
+        let weight = self.cloth.density * STANDARD_GRAVITY * self.cloth.extent;
+        self.options.fabric.bending > 0.0
+            && self.cloth.has_pins()
+            && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.

@@ -25,9 +25,9 @@ pub enum Quality {
     /// much, and why.
     ///
     /// The choice is the same on any number of threads. To repeat a step bit for bit, pass
-    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to [`Quality::Substeps`]; on the GPU also
-    /// [`StepReport::levels`](crate::StepReport::levels) to [`Levels::Count`](crate::Levels::Count), because a bound takes
-    /// fewer levels there.
+    /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to [`Quality::Substeps`], and
+    /// [`StepReport::levels`](crate::StepReport::levels) to [`Levels::Count`](crate::Levels::Count), because a bound may take
+    /// fewer levels.
     ///
     /// On the GPU the measurements are three steps old, because a step never waits for one that was submitted shortly
     /// before; with contact of triangles it waits anyway. Methods other than the default do not use the bound: see
