@@ -4,7 +4,7 @@
 mod common;
 
 use cloth_deformer::glam::{Quat, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, StepError, StepReport};
+use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, StepError, StepReport};
 use common::{FRAME, bits, gale};
 
 /// A sheet of 1 m with `side` vertices a side, two of whose edges are held, and what is around it.
@@ -23,10 +23,13 @@ impl Rug {
         Rug { mesh: Mesh::grid(side, side, 1.0, 1.0), pinned, side, colliders: collider.into_iter().collect(), gravity }
     }
 
-    fn made(&self, backend: Backend, quality: Quality, contact: Option<Contact>) -> Deformer {
+    fn options(&self, backend: Backend, quality: Quality, contact: Option<Contact>) -> Options {
         let pinned = self.pinned.clone();
-        let options = Options { backend, quality, contact, pinned, fabric: Fabric::COTTON, ..Options::default() };
-        Deformer::new(&self.mesh, options).unwrap()
+        Options { backend, quality, contact, pinned, fabric: Fabric::COTTON, ..Options::default() }
+    }
+
+    fn made(&self, backend: Backend, quality: Quality, contact: Option<Contact>) -> Deformer {
+        Deformer::new(&self.mesh, self.options(backend, quality, contact)).unwrap()
     }
 
     /// One of the edges is led by `closed` (m) toward the other.
@@ -125,14 +128,17 @@ fn what_is_pulled_stays_flat() {
     assert!(out < 1e-8, "{out} m out");
 }
 
-/// The numbers of substeps of a run repeat it, kicks and all.
+/// The numbers of substeps and levels of a run repeat it, kicks and all.
 #[test]
 fn a_schedule_repeats_the_wrinkles() {
     let rug = Rug::new(17, Some(floor()));
     let mut cloth = rug.made(Backend::Cpu, Quality::default(), None);
     let reports = rug.push(&mut cloth);
-    let mut again = rug.made(Backend::Cpu, Quality::Substeps(20), None);
+    let levels = Levels::Count(reports[0].levels);
+    let options = Options { levels, ..rug.options(Backend::Cpu, Quality::Substeps(20), None) };
+    let mut again = Deformer::new(&rug.mesh, options).unwrap();
     for (frame, report) in (1..).zip(reports) {
+        assert_eq!(Levels::Count(report.levels), levels);
         again.set_quality(Quality::Substeps(report.in_a_sixtieth)).unwrap();
         again.step(FRAME, &rug.led(0.005 * frame as f32)).unwrap();
     }

@@ -123,8 +123,9 @@ impl Collider {
     /// constant speed between steps, by less than half a turn.
     ///
     /// Along edges that are sharper than the cloth's edges are long, friction fades within 1.5 times the mean of these (at most a
-    /// quarter of the box's second longest side): cloth that is pulled around such an edge would get stuck there. A box knows no
-    /// others, so this is also the case along the seam of boxes whose sides meet. Where their faces are level, cloth lies on
+    /// quarter of the box's second longest side): cloth that is pulled around such an edge would get stuck there. Cloth with bending
+    /// stiffness does all the same, with more than half of it hanging down, so where cloth is to slide off give `radius` at least half the
+    /// length of its edges. A box knows no others, so this is also the case along the seam of boxes whose sides meet. Where their faces are level, cloth lies on
     /// and slides over such a seam as over one face, but for this friction.
     #[must_use]
     pub fn rounded_box(center: Vec3, half: Vec3, rotation: Quat, radius: f32) -> Collider {
@@ -132,8 +133,10 @@ impl Collider {
     }
 
     /// A mesh with its vertices where they are at the end of the step (m); friction 0.3. Vertices may move freely from
-    /// step to step, and move in straight lines during a step. The triangles must stay the same as long as the collider
-    /// is matched from step to step, by its [`id`](Collider::id) or its order.
+    /// step to step, and move in straight lines during a step. Where they turn, their velocity changes by `dv` from step to step, at once,
+    /// and cloth on them slips by about `dv²/(2 mu g)` each time: by 11 mm a second at 60 steps per second, 0.5 m from the middle of a
+    /// turntable of 2 rad/s with friction 0.3, and by half of that at 120. On a box, which turns evenly, it does not. The triangles must
+    /// stay the same as long as the collider is matched from step to step, by its [`id`](Collider::id) or its order.
     ///
     /// The cloth is kept at the thickness of [`Options::contact`](crate::Options::contact), or that of
     /// [`Contact::default`](crate::Contact) if the cloth has no contact with itself. A mesh has no inside: it repels

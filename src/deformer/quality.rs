@@ -9,6 +9,7 @@ use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
+use crate::step::coefficients::SOFT;
 use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, most};
 use crate::step::load::Load;
 use crate::step::own_stretch::{accepted, excess, resolved_share};
@@ -30,7 +31,8 @@ const LEVELS_PAY: usize = 8192;
 const COARSE_ENOUGH: usize = 4096;
 
 /// Cloth that bends hangs without levels if so many substeps in 1/60 s, by the strain law with a factor of 1, leave this stretch under its
-/// weight: levels pull it together across the load (see [`hierarchy`](crate::multigrid::hierarchy)).
+/// weight: levels pull it together across the load (see [`hierarchy`](crate::multigrid::hierarchy)). The table in
+/// `benches/results/quality.md` says what that costs. Of finer cloth it would be five times the time.
 const FEW_ENOUGH: f64 = 32.0;
 const BORNE: f64 = 0.03;
 
@@ -121,11 +123,12 @@ impl Deformer {
         may && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure, self.state.controller.levels())
     }
 
-    /// Whether cloth that bends hangs from pins, and needs few substeps to bear its weight without levels.
+    /// Whether cloth that bends, and is not soft, hangs from pins and needs few substeps to bear its weight without levels.
     fn hangs_lightly(&self) -> bool {
         let weight = self.cloth.density * STANDARD_GRAVITY * self.cloth.extent;
         self.options.fabric.bending > 0.0
             && self.cloth.has_pins()
+            && weight < SOFT * self.cloth.membrane_stiffness
             && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH
     }
 

@@ -98,6 +98,10 @@ pub(super) fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f
     let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
     links[..free].copy_from_slice(&sorted);
     let colors: Vec<Range<usize>> = colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect();
-    colors.iter().for_each(|color| links[color.clone()].sort_by_key(|link| !link.is_visited_twice()));
+    for color in &colors {
+        let (mut first, others): (Vec<Link>, Vec<Link>) = links[color.clone()].iter().partition(|link| link.is_visited_twice());
+        first.extend(others);
+        links[color.clone()].copy_from_slice(&first);
+    }
     colors
 }

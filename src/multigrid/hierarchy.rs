@@ -63,8 +63,8 @@
 //! levels), and a wind of 1 m/s at 37 degrees rolls up a panel of .5 m by 1 m until its hem is .18 to .32 m wide. Coarse edges that push,
 //! within a shortfall of 1e-3 or, a hundredth as stiff, within 5 %, cure both. But they resist bending: the tip of a heavy elastica
 //! (G = 100 in `an_elastica_with_levels`) sags by .4 to .7 of its reach instead of 5.9. What they push against would have to be the length of the chord of the cloth
-//! as it is bent now. So a bound on strain takes more substeps instead where cloth that bends hangs and 32 substeps bear its weight
-//! (`Deformer::trades_levels`): 26 instead of 5 for a curtain of 31 by 73, 41 to 51 in both cases for skirts and capes.
+//! as it is bent now. So a bound on strain takes more substeps instead where cloth that bends hangs and 32 bear its weight
+//! (`Deformer::trades_levels`).
 //!
 //! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. Wind feeds them: the excess length of the fine edges, half or less of what it would be,
 //! then shows as small wrinkles instead of as stretch. A sheet of 65 by 65 in gusts of 8 m/s at 20 substeps has a mean

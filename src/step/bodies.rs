@@ -80,7 +80,6 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
 /// not get stuck up to a friction of 1 (`rounded_box::grip`). On a box so small that little else would be left, a gripper's
 /// finger, it is a quarter of the second longest side.
 fn slick(half: Vec3, mean_edge: f32) -> f32 {
-    let mut half = half.to_array();
-    half.sort_by(f32::total_cmp);
-    (1.5 * mean_edge).min(0.5 * half[1])
+    let second = half.x.min(half.y).max(half.x.max(half.y).min(half.z));
+    (1.5 * mean_edge).min(0.5 * second)
 }

@@ -87,7 +87,7 @@ const FULL_REACH: f64 = 20.0;
 /// stretches cloth by less than this, that does not show, and stiff levels converge sooner. Elsewhere they share the load, and the
 /// edges of each, of which there are some in many directions, are softened to the sum of the fine edges' stiffness (the trace of
 /// its tensor). `benches/results/quality.md` has the figures.
-const SOFT: f64 = 2e-3;
+pub(crate) const SOFT: f64 = 2e-3;
 
 /// The tethers with a share greater than 0. They reach as far from the pin as the sweep leaves edges too long, which is
 /// less far the more substeps there are. Like edges, they are as stiff in a shorter substep as in the longest one: otherwise

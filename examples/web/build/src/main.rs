@@ -1,6 +1,6 @@
 //! Builds the page into `dist`, a static folder: `cargo run --release --manifest-path examples/web/build/Cargo.toml`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};
 
@@ -11,13 +11,13 @@ const TARGET: &str = "wasm32-unknown-unknown";
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let web = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("this package has a folder above it")?;
     let compiled = web.join("target");
-    let flags = env::var("RUSTFLAGS").unwrap_or_default() + " -C target-feature=+simd128";
+    let flags = flags(web)?;
     let built = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
         .args(["build", "--profile", "page", "--lib", "--locked", "--target", TARGET, "--manifest-path"])
         .arg(web.join("Cargo.toml"))
         .arg("--target-dir")
         .arg(&compiled)
-        .env("RUSTFLAGS", flags)
+        .env("CARGO_ENCODED_RUSTFLAGS", flags)
         .status()?;
     if !built.success() {
         return Err(format!("the page's code could not be built; is the target installed? rustup target add {TARGET}").into());
@@ -40,4 +40,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     println!("{}: serve this folder, for example with python3 -m http.server -d {0}", dist.display());
     Ok(())
+}
+
+/// The compiler's flags. Messages of panics name source files, so without the folders of this machine the module is smaller, and the
+/// same wherever it is built.
+fn flags(web: &Path) -> Result<String, Box<dyn std::error::Error>> {
+    let crates = match env::var_os("CARGO_HOME") {
+        Some(home) => PathBuf::from(home),
+        None => env::home_dir().ok_or("this user has no home folder")?.join(".cargo"),
+    };
+    let repository = web.canonicalize()?.join("../..").canonicalize()?;
+    let mut flags: Vec<String> = env::var("RUSTFLAGS").unwrap_or_default().split_whitespace().map(String::from).collect();
+    flags.extend(["-C".into(), "target-feature=+simd128".into()]);
+    flags.extend([(crates, "crates"), (repository, "cloth")].map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display())));
+    Ok(flags.join("\x1f"))
 }

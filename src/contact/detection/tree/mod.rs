@@ -113,10 +113,7 @@ impl Tree {
         let leaf_of = tree.leaf_of.clone();
         // The leaves around each vertex.
         let corners = surface.triangles.iter().zip(&leaf_of);
-        let mut around: Vec<(u32, u32)> = corners.flat_map(|(corners, &leaf)| corners.map(|vertex| (vertex, leaf))).collect();
-        around.sort_unstable();
-        around.dedup();
-        let around = Csr::new(surface.piece.len(), around.into_iter());
+        let around = rows_of(surface.piece.len(), corners.flat_map(|(corners, &leaf)| corners.map(|vertex| [vertex, leaf])).collect());
         tree.around = triangles_around(surface, &around, tree.leaves.depth);
         tree.sum_excess(surface, &around);
         tree.find_parts(surface, &leaf_of);
@@ -190,13 +187,18 @@ impl Tree {
 
 /// For each leaf, the triangles that share a vertex with it; `leaves` are those around each vertex.
 fn triangles_around(surface: &Surface, leaves: &Csr<u32>, depth: u32) -> Csr<u32> {
-    let mut pairs: Vec<(u32, u32)> = Vec::new();
+    let mut pairs: Vec<[u32; 2]> = Vec::new();
     for (triangle, corners) in (0..).zip(&surface.triangles) {
-        pairs.extend(corners.iter().flat_map(|&vertex| leaves.of(vertex)).map(|&leaf| (leaf, triangle)));
+        pairs.extend(corners.iter().flat_map(|&vertex| leaves.of(vertex)).map(|&leaf| [leaf, triangle]));
     }
+    rows_of(1 << depth, pairs)
+}
+
+/// The second numbers of pairs for each first one, in ascending order, each once.
+fn rows_of(rows: usize, mut pairs: Vec<[u32; 2]>) -> Csr<u32> {
     pairs.sort_unstable();
     pairs.dedup();
-    Csr::new(1 << depth, pairs.into_iter())
+    Csr::new(rows, pairs.into_iter().map(<(u32, u32)>::from))
 }
 
 #[cfg(test)]
