@@ -4,7 +4,9 @@
 mod common;
 
 use cloth_deformer::glam::{Quat, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, StepError, StepReport};
+use cloth_deformer::{
+    Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Options, Quality, StepError, StepReport,
+};
 use common::{FRAME, bits, gale};
 
 /// A sheet of 1 m with `side` vertices a side, two of whose edges are held, and what is around it.

@@ -125,8 +125,8 @@ impl Collider {
     /// Along edges that are sharper than the cloth's edges are long, friction fades within 1.5 times the mean of these (at most a
     /// quarter of the box's second longest side): cloth that is pulled around such an edge would get stuck there. Cloth with bending
     /// stiffness does all the same, with more than half of it hanging down, so where cloth is to slide off give `radius` at least half the
-    /// length of its edges. A box knows no others, so this is also the case along the seam of boxes whose sides meet. Where their faces are level, cloth lies on
-    /// and slides over such a seam as over one face, but for this friction.
+    /// length of its edges. A box knows no others, so this is also the case along the seam of boxes whose sides meet. Where their faces
+    /// are level, cloth lies on and slides over such a seam as over one face, but for this friction.
     #[must_use]
     pub fn rounded_box(center: Vec3, half: Vec3, rotation: Quat, radius: f32) -> Collider {
         Collider::of(Shape::RoundedBox { center, half, rotation, radius })

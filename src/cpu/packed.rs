@@ -67,7 +67,11 @@ impl Packed {
     /// true if the schedules are new.
     pub(super) fn pack(&mut self, plan: &Plan<'_>, exchanged: bool, contact: bool, threads: usize) -> bool {
         let coefficients = plan.coefficients;
-        if plan.bending && !exchanged && !std::mem::replace(&mut self.bends, true) && !plan.cloth.bending().across_bases.is_empty() {
+        if plan.bending
+            && !exchanged
+            && !std::mem::replace(&mut self.bends, true)
+            && !plan.cloth.bending().across_bases.is_empty()
+        {
             self.forget(Change::Edges);
         }
         let levels = coefficients.levels.len();

@@ -60,17 +60,17 @@
 //!
 //! For that reason, too, cloth with bending stiffness gets wrinkles where it hangs, whose fine edges are all that resists the pull of the
 //! diagonals across the load (28 mm at 5 substeps in a cotton curtain of 1 m by 2.4 m with 21 by 49 vertices, 12 mm at 20, none without
-//! levels), and a wind of 1 m/s at 37 degrees rolls up a panel of .5 m by 1 m until its hem is .18 to .32 m wide. Coarse edges that push,
-//! within a shortfall of 1e-3 or, a hundredth as stiff, within 5 %, cure both. But they resist bending: the tip of a heavy elastica
-//! (G = 100 in `an_elastica_with_levels`) sags by .4 to .7 of its reach instead of 5.9. What they push against would have to be the length of the chord of the cloth
-//! as it is bent now. So a bound on strain takes more substeps instead where cloth that bends hangs and 32 bear its weight
-//! (`Deformer::trades_levels`).
+//! levels), and a wind of 1 m/s at 37 degrees rolls up a panel of .5 m by 1 m until its hem is .18 to .32 m wide. If coarse edges pushed
+//! within a shortfall of 1e-3, or a hundredth as much within 5 %, it would not be rolled up, and two thirds of the wrinkles would be left.
+//! But that resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) sags by .4 to .7 of its reach instead of
+//! 5.9. The length from which they push would have to be that of the chord of the cloth as it is bent now. So a bound on strain takes more
+//! substeps instead where cloth that bends hangs and 32 bear its weight (`Deformer::trades_levels`).
 //!
-//! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. Wind feeds them: the excess length of the fine edges, half or less of what it would be,
-//! then shows as small wrinkles instead of as stretch. A sheet of 65 by 65 in gusts of 8 m/s at 20 substeps has a mean
-//! strain of 7.7e-3 instead of 1.7e-2, but 18 m of folds instead of 13, where 8 m are right. At 30 m/s the aggregates
-//! become visible as a waffle pattern. Smooth weights make no difference. So no levels are chosen automatically in a
-//! gale; more substeps help there.
+//! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. Wind feeds them: the
+//! excess length of the fine edges, half or less of what it would be, then shows as small wrinkles instead of as stretch. A sheet of 65 by
+//! 65 in gusts of 8 m/s at 20 substeps has a mean strain of 7.7e-3 instead of 1.7e-2, but 18 m of folds instead of 13, where 8 m are
+//! right. At 30 m/s the aggregates become visible as a waffle pattern. Smooth weights make no difference. So no levels are chosen
+//! automatically in a gale; more substeps help there.
 //!
 //! Tethers (long range attachments: Kim, Chentanez and Müller 2012) cannot replace the levels. Tethers over a whole
 //! sheet are cheaper by a tenth of a substep, but leave a strain of 6.5e-3 and an error of 0.057 m, where levels leave

@@ -93,7 +93,10 @@ fn tiles_keep_the_color_order() {
                     assert!(ends.chain(piece.vertices.iter().cloned().flatten()).all(touches), "{name} {length}");
                     let moves = |end: u32| owner[end as usize] == (round, index);
                     let looks = read.iter().filter(|ends| ends.iter().any(|&end| moves(end)));
-                    assert!(looks.flatten().copied().all(touches), "{name} {length}: somebody looks at what {round}.{index} moves");
+                    assert!(
+                        looks.flatten().copied().all(touches),
+                        "{name} {length}: somebody looks at what {round}.{index} moves"
+                    );
                 }
             }
             for ends in &read {

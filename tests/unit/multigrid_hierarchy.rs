@@ -221,7 +221,11 @@ fn a_sleeve_is_held_along_its_length() {
                 joined.extend(link.ends);
             }
         }
-        assert!(rings == level.inverse_mass.len() && joined.len() == rings || rings == 0, "{rings} rings, {} joined", joined.len());
+        assert!(
+            rings == level.inverse_mass.len() && joined.len() == rings || rings == 0,
+            "{rings} rings, {} joined",
+            joined.len()
+        );
         around += rings;
     }
     assert!(around > 10, "{around}");

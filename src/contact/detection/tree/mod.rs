@@ -113,7 +113,8 @@ impl Tree {
         let leaf_of = tree.leaf_of.clone();
         // The leaves around each vertex.
         let corners = surface.triangles.iter().zip(&leaf_of);
-        let around = rows_of(surface.piece.len(), corners.flat_map(|(corners, &leaf)| corners.map(|vertex| [vertex, leaf])).collect());
+        let around =
+            rows_of(surface.piece.len(), corners.flat_map(|(corners, &leaf)| corners.map(|vertex| [vertex, leaf])).collect());
         tree.around = triangles_around(surface, &around, tree.leaves.depth);
         tree.sum_excess(surface, &around);
         tree.find_parts(surface, &leaf_of);
