@@ -52,6 +52,8 @@ fn flags(web: &Path) -> Result<String, Box<dyn std::error::Error>> {
     let repository = web.canonicalize()?.join("../..").canonicalize()?;
     let mut flags: Vec<String> = env::var("RUSTFLAGS").unwrap_or_default().split_whitespace().map(String::from).collect();
     flags.extend(["-C".into(), "target-feature=+simd128".into()]);
-    flags.extend([(crates, "crates"), (repository, "cloth")].map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display())));
+    flags.extend(
+        [(crates, "crates"), (repository, "cloth")].map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display())),
+    );
     Ok(flags.join("\x1f"))
 }
