@@ -31,9 +31,10 @@ const LEVELS_PAY: usize = 8192;
 const COARSE_ENOUGH: usize = 4096;
 
 /// Cloth that bends hangs without levels if so many substeps in 1/60 s, by the strain law with a factor of 1, leave this stretch under its
-/// weight: levels pull it together across the load (see [`hierarchy`](crate::multigrid::hierarchy)). The table in
-/// `benches/results/quality.md` says what that costs. Of finer cloth it would be five times the time.
-const FEW_ENOUGH: f64 = 32.0;
+/// weight, without contact of triangles and with: levels pull it together across the load (see
+/// [`hierarchy`](crate::multigrid::hierarchy)), and the more vertices, the more substeps they save. `benches/results/quality.md` has the
+/// figures.
+const FEW_ENOUGH: [f64; 2] = [96.0, 32.0];
 const BORNE: f64 = 0.03;
 
 /// The stretch that cloth with contact may have under its weight, by the strain law with a factor of 1, to keep a
@@ -116,7 +117,7 @@ impl Deformer {
     pub(super) fn trades_levels(&self, has_contact: bool, pressure: f64) -> bool {
         let is_fast = self.backend() == Backend::Gpu && !has_contact;
         let may = match self.options.levels {
-            Levels::Auto => is_fast && self.cloth.used < LEVELS_PAY || self.hangs_lightly(),
+            Levels::Auto => is_fast && self.cloth.used < LEVELS_PAY || self.hangs_lightly(has_contact),
             Levels::Off => true,
             Levels::Count(_) => false,
         };
@@ -124,12 +125,12 @@ impl Deformer {
     }
 
     /// Whether cloth that bends, and is not soft, hangs from pins and needs few substeps to bear its weight without levels.
-    fn hangs_lightly(&self) -> bool {
+    fn hangs_lightly(&self, has_contact: bool) -> bool {
         let weight = self.cloth.density * STANDARD_GRAVITY * self.cloth.extent;
         self.options.fabric.bending > 0.0
             && self.cloth.has_pins()
             && weight < SOFT * self.cloth.membrane_stiffness
-            && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH
+            && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH[usize::from(has_contact)]
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.
