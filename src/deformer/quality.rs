@@ -36,6 +36,9 @@ const COARSE_ENOUGH: usize = 4096;
 /// figures.
 const FEW_ENOUGH: [f64; 2] = [96.0, 32.0];
 const BORNE: f64 = 0.03;
+/// Cloth is limp if its bending length, `(B/(rho g))^(1/3)` (Peirce 1930), is less than this share of its extent. A stiffer card has no
+/// wrinkles, and more substeps while it is bent add energy to it (`cards_gain_no_energy_from_the_choice_of_substeps`).
+const LIMP: f64 = 0.125;
 
 /// The stretch that cloth with contact may have under its weight, by the strain law with a factor of 1, to keep a
 /// [`Quality::Budget`].
@@ -113,23 +116,26 @@ impl Deformer {
     }
 
     /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels: on a GPU
-    /// without contact of triangles because they take less time, and where cloth that bends hangs because levels would wrinkle it.
-    pub(super) fn trades_levels(&self, has_contact: bool, pressure: f64) -> bool {
-        let is_fast = self.backend() == Backend::Gpu && !has_contact;
+    /// without contact of triangles because they take less time, and where limp cloth hangs because levels would wrinkle it.
+    pub(super) fn trades_levels(&self, has_contact: bool, attributes: &Attributes, pressure: f64) -> bool {
+        let is_fast = self.backend() == Backend::Gpu && !has_contact && self.cloth.used < LEVELS_PAY;
         let may = match self.options.levels {
-            Levels::Auto => is_fast && self.cloth.used < LEVELS_PAY || self.hangs_lightly(has_contact),
+            Levels::Auto => is_fast || self.hangs_lightly(has_contact) && mesh_colliders(attributes).next().is_none(),
             Levels::Off => true,
             Levels::Count(_) => false,
         };
         may && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure, self.state.controller.levels())
     }
 
-    /// Whether cloth that bends, and is not soft, hangs from pins and needs few substeps to bear its weight without levels.
+    /// Whether cloth that bends, but is neither soft nor as stiff as a card, hangs from pins and needs few substeps to bear its weight
+    /// without levels.
     fn hangs_lightly(&self, has_contact: bool) -> bool {
-        let weight = self.cloth.density * STANDARD_GRAVITY * self.cloth.extent;
-        self.options.fabric.bending > 0.0
-            && self.cloth.has_pins()
-            && weight < SOFT * self.cloth.membrane_stiffness
+        let (cloth, bending) = (&self.cloth, f64::from(self.options.fabric.bending));
+        let weight = cloth.density * STANDARD_GRAVITY * cloth.extent;
+        bending > 0.0
+            && bending < cloth.density * STANDARD_GRAVITY * (LIMP * cloth.extent).powi(3)
+            && cloth.has_pins()
+            && weight < SOFT * cloth.membrane_stiffness
             && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH[usize::from(has_contact)]
     }
 
