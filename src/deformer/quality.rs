@@ -31,10 +31,9 @@ const LEVELS_PAY: usize = 8192;
 const COARSE_ENOUGH: usize = 4096;
 
 /// Cloth that bends hangs without levels if so many substeps in 1/60 s, by the strain law with a factor of 1, leave this stretch under its
-/// weight, without contact of triangles and with: levels pull it together across the load (see
-/// [`hierarchy`](crate::multigrid::hierarchy)), and the more vertices, the more substeps they save. `benches/results/quality.md` has the
-/// figures.
-const FEW_ENOUGH: [f64; 2] = [96.0, 32.0];
+/// weight: levels pull it together across the load (see [`hierarchy`](crate::multigrid::hierarchy)). The more vertices it has, the more
+/// substeps they save: with 96, a tablecloth of 14,161 that hangs by its corners took 171 instead of 41 (`benches/results/quality.md`).
+const FEW_ENOUGH: f64 = 32.0;
 const BORNE: f64 = 0.03;
 /// Cloth is limp if its bending length, `(B/(rho g))^(1/3)` (Peirce 1930), is less than this share of its extent. A stiffer card has no
 /// wrinkles, and more substeps while it is bent add energy to it (`cards_gain_no_energy_from_the_choice_of_substeps`).
@@ -120,7 +119,7 @@ impl Deformer {
     pub(super) fn trades_levels(&self, has_contact: bool, attributes: &Attributes, pressure: f64) -> bool {
         let is_fast = self.backend() == Backend::Gpu && !has_contact && self.cloth.used < LEVELS_PAY;
         let may = match self.options.levels {
-            Levels::Auto => is_fast || self.hangs_lightly(has_contact) && mesh_colliders(attributes).next().is_none(),
+            Levels::Auto => is_fast || self.hangs_lightly() && mesh_colliders(attributes).next().is_none(),
             Levels::Off => true,
             Levels::Count(_) => false,
         };
@@ -129,14 +128,14 @@ impl Deformer {
 
     /// Whether cloth that bends, but is neither soft nor as stiff as a card, hangs from pins and needs few substeps to bear its weight
     /// without levels.
-    fn hangs_lightly(&self, has_contact: bool) -> bool {
+    fn hangs_lightly(&self) -> bool {
         let (cloth, bending) = (&self.cloth, f64::from(self.options.fabric.bending));
         let weight = cloth.density * STANDARD_GRAVITY * cloth.extent;
         bending > 0.0
             && bending < cloth.density * STANDARD_GRAVITY * (LIMP * cloth.extent).powi(3)
             && cloth.has_pins()
             && weight < SOFT * cloth.membrane_stiffness
-            && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH[usize::from(has_contact)]
+            && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.

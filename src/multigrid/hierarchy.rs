@@ -64,7 +64,7 @@
 //! within a shortfall of 1e-3, or a hundredth as much within 5 %, it would not be rolled up, and two thirds of the wrinkles would be left.
 //! But that resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) sags by .4 to .7 of its reach instead of
 //! 5.9. The length from which they push would have to be that of the chord of the cloth as it is bent now. So a bound on strain takes more
-//! substeps instead where limp cloth hangs and 96 bear its weight (`Deformer::trades_levels`).
+//! substeps instead where limp cloth hangs and 32 bear its weight (`Deformer::trades_levels`). Finer cloth is still rolled up.
 //!
 //! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. Wind feeds them: the
 //! excess length of the fine edges, half or less of what it would be, then shows as small wrinkles instead of as stretch. A sheet of 65 by

@@ -122,8 +122,8 @@ pub enum Levels {
     /// small wrinkles. So that gusts do not switch them, they go off at 15 times the weight, and on again below 7.
     ///
     /// With [`Quality::Strain`] or [`Quality::Hold`] and no mesh colliders none, either, for pinned cloth with bending stiffness whose
-    /// bending length `(B/(rho g))^(1/3)` is less than an eighth of its extent, if its weight stretches it by less than 3 % with 96
-    /// substeps, or 32 with contact with itself, and by less than 0.2 % once the stiffness is resolved.
+    /// bending length `(B/(rho g))^(1/3)` is less than an eighth of its extent, if its weight stretches it by less than 3 % with 32
+    /// substeps, and by less than 0.2 % once the stiffness is resolved. Of finer cloth levels save too many substeps.
     ///
     /// On [`Backend::Gpu`] with [`Quality::Strain`] or [`Quality::Hold`] and no contact of triangles: none below 8192 vertices,
     /// because more substeps cost less there; above, only down to the first level with at most 4096 aggregates, because coarser
