@@ -33,6 +33,10 @@ fn bent_p(k: u32) -> vec3f {
     return tile_u[k].xyz;
 }
 
+fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    return project_edge(d0, du, edge);
+}
+
 @compute @workgroup_size(LANES)
 fn substep_of_bent_tile(
     @builtin(workgroup_id) group: vec3u,

@@ -4,18 +4,28 @@
 // of its own, which fetches it before anything else.
 
 // The word of the table where the tiles of the level begin, which have the layout of those of vertices; the aggregates that
-// one has room for, the edges per color, the colors, and most aggregates of a tile's own vertices.
+// one has room for, the edges per color, and the colors.
 override LEVEL_TABLE: u32 = 0u;
 override LEVEL_ROOM: u32 = 64u;
 override LEVEL_WIDTH: u32 = 64u;
 override LEVEL_COLORS: u32 = 6u;
-override CORRECTIONS: u32 = 64u;
 
 // Of the aggregates of the level.
 @group(1) @binding(6) var<storage, read> averages: array<Average>;
 
-// The correction of each aggregate of the tile's own vertices.
-var<workgroup> corrections: array<vec4f, CORRECTIONS>;
+// The predicted displacement of each aggregate, and at the end its correction, to be read for the tile's own vertices.
+var<workgroup> of_level: array<vec4f, LEVEL_ROOM>;
+
+// Whether the tile holds aggregates.
+var<private> on_level: bool;
+
+fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    if on_level {
+        let share = (tile_x[edge.a].w + tile_x[edge.b].w) * edge.inverse_weight;
+        return project_coarse(d0, du, of_level[edge.a].xyz - of_level[edge.b].xyz, edge, share);
+    }
+    return project_edge(d0, du, edge);
+}
 
 fn aggregate_at(tile: u32, k: u32) -> u32 {
     return table[LEVEL_TABLE + TILES + tile * LEVEL_ROOM + k];
@@ -38,7 +48,6 @@ fn substep_of_corrected_tile(
     }
     let edges_above = edges_of_level(tile);
     let first_above = fetch_four(edges_above, 0u, lane);
-    let predicted = averages[aggregate_at(tile, min(lane, LEVEL_ROOM - 1u))].u;
     let edges = edges_of(tile);
     let first = fetch_four(edges, 0u, lane);
     let own = own_vertices(tile);
@@ -51,6 +60,7 @@ fn substep_of_corrected_tile(
         let average = averages[aggregate_at(tile, k)];
         tile_x[k] = average.x;
         tile_u[k] = average.u;
+        of_level[k] = average.u;
     }
     if params.predicted == 0u {
         u_v = free_displacement(v, x_v, u_v);
@@ -59,13 +69,13 @@ fn substep_of_corrected_tile(
     on_level = true;
     sweep(edges_above, first_above, lane);
     on_level = false;
-    if lane < CORRECTIONS {
-        corrections[lane] = tile_u[lane] - predicted;
+    for (var k = lane; k < LEVEL_ROOM; k += LANES) {
+        of_level[k] = tile_u[k] - of_level[k];
     }
     workgroupBarrier();
     if lane < ROOM {
         tile_x[k] = x_v;
-        tile_u[k] = vec4f(u_v + corrections[label].xyz, 0.0);
+        tile_u[k] = vec4f(u_v + of_level[label].xyz, 0.0);
     }
     workgroupBarrier();
     sweep_and_move(tile, own, edges, first, lane);

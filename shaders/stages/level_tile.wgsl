@@ -7,8 +7,12 @@ override LEVEL: u32 = 0u;
 // The correction of each aggregate.
 @group(1) @binding(2) var<storage, read_write> shift: array<vec4f>;
 
+// The predicted displacements of all aggregates that the tile holds.
+var<workgroup> tile_predicted: array<vec4f, ROOM>;
+
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
-    return coarse_impulse(d0, du, edge, params.holds != 0u);
+    let share = (tile_x[edge.a].w + tile_x[edge.b].w) * edge.inverse_weight;
+    return project_coarse(d0, du, tile_predicted[edge.a].xyz - tile_predicted[edge.b].xyz, edge, share);
 }
 
 @compute @workgroup_size(LANES)
@@ -30,6 +34,7 @@ fn sweep_of_level_tile(
         let average = averages[v];
         tile_x[k] = average.x;
         tile_u[k] = average.u;
+        tile_predicted[k] = average.u;
         if LEVEL + 1u < params.levels {
             tile_u[k] += shift[above];
         }
@@ -37,7 +42,6 @@ fn sweep_of_level_tile(
     workgroupBarrier();
     sweep(edges, first, lane);
     for (var k = lane; k < own; k += LANES) {
-        let v = vertex_at(tile, k);
-        shift[v] = tile_u[k] - averages[v].u;
+        shift[vertex_at(tile, k)] = tile_u[k] - tile_predicted[k];
     }
 }

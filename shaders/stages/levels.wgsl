@@ -191,7 +191,9 @@ fn correct_coarse(edge: Edge) {
     let x_b = center_of(edge.b);
     let u_a = corrected_of(edge.a);
     let u_b = corrected_of(edge.b);
-    let impulse = coarse_impulse(x_a.xyz - x_b.xyz, u_a - u_b, edge, params.holds != 0u);
+    let predicted = predicted_of(edge.a) - predicted_of(edge.b);
+    let share = (x_a.w + x_b.w) * edge.inverse_weight;
+    let impulse = project_coarse(x_a.xyz - x_b.xyz, u_a - u_b, predicted, edge, share);
     set_corrected(edge.a, u_a + impulse * x_a.w);
     set_corrected(edge.b, u_b - impulse * x_b.w);
 }

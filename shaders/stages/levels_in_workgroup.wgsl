@@ -6,12 +6,13 @@ override LANES: u32 = 64u;
 override BASE: u32 = 0u;
 
 @group(1) @binding(0) var<storage, read> table: array<u32>;
-@group(1) @binding(1) var<storage, read_write> averages: array<Average>;
+@group(1) @binding(1) var<storage, read> averages: array<Average>;
 // The correction of each aggregate.
 @group(1) @binding(2) var<storage, read_write> shift: array<vec4f>;
 
 var<workgroup> level_x: array<vec4f, AGGREGATES>;
 var<workgroup> level_u: array<vec4f, AGGREGATES>;
+var<workgroup> level_predicted: array<vec4f, AGGREGATES>;
 
 fn center_of(k: u32) -> vec4f {
     return level_x[k];
@@ -34,13 +35,12 @@ fn below(k: u32) -> Item {
     return Item();
 }
 
-// Each value is read by the invocation that wrote it, so no barrier is needed.
 fn predicted_of(k: u32) -> vec3f {
-    return averages[BASE + k].u.xyz;
+    return level_predicted[k].xyz;
 }
 
 fn set_predicted(k: u32, u: vec3f) {
-    averages[BASE + k].u = vec4f(u, 0.0);
+    level_predicted[k] = vec4f(u, 0.0);
 }
 
 fn correct(edge: Edge) {
@@ -55,6 +55,7 @@ fn sweep_of_levels(@builtin(local_invocation_index) lane: u32) {
         let average = averages[BASE + k];
         level_x[k] = average.x;
         level_u[k] = average.u;
+        level_predicted[k] = average.u;
     }
     workgroupBarrier();
     restrict_levels(lane);

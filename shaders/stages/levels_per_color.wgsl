@@ -37,11 +37,13 @@ fn sweep_coarse(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         return;
     }
     let edge = edges[batch.first + k];
-    let x_a = averages[edge.a].x;
-    let x_b = averages[edge.b].x;
-    let impulse = coarse_impulse(x_a.xyz - x_b.xyz, corrected[edge.a].xyz - corrected[edge.b].xyz, edge, params.holds != 0u);
-    corrected[edge.a] += vec4f(impulse * x_a.w, 0.0);
-    corrected[edge.b] -= vec4f(impulse * x_b.w, 0.0);
+    let a = averages[edge.a];
+    let b = averages[edge.b];
+    let du = corrected[edge.a].xyz - corrected[edge.b].xyz;
+    let share = (a.x.w + b.x.w) * edge.inverse_weight;
+    let impulse = project_coarse(a.x.xyz - b.x.xyz, du, a.u.xyz - b.u.xyz, edge, share);
+    corrected[edge.a] += vec4f(impulse * a.x.w, 0.0);
+    corrected[edge.b] -= vec4f(impulse * b.x.w, 0.0);
 }
 
 @compute @workgroup_size(WORKGROUP)

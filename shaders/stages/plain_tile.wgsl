@@ -3,6 +3,10 @@
 // The correction of each aggregate of the finest coarse level.
 @group(1) @binding(6) var<storage, read> shift: array<vec4f>;
 
+fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    return project_edge(d0, du, edge);
+}
+
 @compute @workgroup_size(LANES)
 fn substep_of_tile(
     @builtin(workgroup_id) group: vec3u,

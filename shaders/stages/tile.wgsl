@@ -15,16 +15,6 @@
 // targets.
 override PINS: u32 = 0u;
 
-// Whether the tile holds aggregates: see corrected_tile.wgsl.
-var<private> on_level: bool;
-
-fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
-    if on_level {
-        return coarse_impulse(d0, du, edge, params.holds != 0u);
-    }
-    return project_edge(d0, du, edge);
-}
-
 fn position_at(k: u32) -> vec3f {
     return tile_x[k].xyz;
 }

@@ -131,7 +131,7 @@ impl Stepper<'_> {
         if touches.first().map(worker) != touches.last().map(worker) {
             vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
         }
-        sweep(edges, part, rule, x, u, self.integrator.width);
+        sweep(edges, part, rule, x, u, u, self.integrator.width);
     }
 
     fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {

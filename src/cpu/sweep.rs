@@ -6,7 +6,6 @@ use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::distance::{self, EdgeCorrection};
 use crate::options::Method;
 use crate::simd::{self, Loop, Registers, Vector, Width};
-use crate::step::plan::Plan;
 
 /// Which kernel corrects the edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,8 +14,6 @@ pub(crate) enum Rule {
     Project,
     /// [`distance::project_coarse`].
     ProjectCoarse,
-    /// [`distance::hold_coarse`].
-    HoldCoarse,
     /// [`distance::relax_edge`].
     Relax,
 }
@@ -30,21 +27,23 @@ impl Rule {
             Method::Springs => None,
         }
     }
-
-    /// How coarse edges are corrected.
-    pub(crate) fn of_levels(plan: &Plan<'_>) -> Rule {
-        if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }
-    }
 }
 
 const PROJECT: u8 = Rule::Project as u8;
 const PROJECT_COARSE: u8 = Rule::ProjectCoarse as u8;
-const HOLD_COARSE: u8 = Rule::HoldCoarse as u8;
 const RELAX: u8 = Rule::Relax as u8;
 
-/// Corrects the edges of one piece, in their packed order.
-pub(crate) fn sweep(batches: &EdgeBatches, piece: usize, rule: Rule, x: View<'_>, u: View<'_>, width: Width) {
-    batches.of(piece).for_each(|batch| simd::run(width, SweepRows { rule, batch, x, u }));
+/// Corrects the edges of one piece, in their packed order. Coarse edges also read what was `predicted` for `u`.
+pub(crate) fn sweep(
+    batches: &EdgeBatches,
+    piece: usize,
+    rule: Rule,
+    x: View<'_>,
+    u: View<'_>,
+    predicted: View<'_>,
+    width: Width,
+) {
+    batches.of(piece).for_each(|batch| simd::run(width, SweepRows { rule, batch, x, u, predicted }));
 }
 
 /// Corrects a batch of rows in order. A row is as many edges as there are lanes, no two of which share a vertex.
@@ -54,6 +53,7 @@ struct SweepRows<'t> {
     batch: EdgeBatch<'t>,
     x: View<'t>,
     u: View<'t>,
+    predicted: View<'t>,
 }
 
 impl Loop for SweepRows<'_> {
@@ -62,7 +62,6 @@ impl Loop for SweepRows<'_> {
         match self.rule {
             Rule::Project => self.rows::<L, PROJECT>(),
             Rule::ProjectCoarse => self.rows::<L, PROJECT_COARSE>(),
-            Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(),
             Rule::Relax => self.rows::<L, RELAX>(),
         }
     }
@@ -71,30 +70,40 @@ impl Loop for SweepRows<'_> {
 impl SweepRows<'_> {
     #[inline(always)]
     fn rows<L: Registers, const RULE: u8>(self) {
-        let SweepRows { batch: EdgeBatch { ends, factors, at, mut first }, x, u, .. } = self;
+        let SweepRows { batch: EdgeBatch { ends, factors, at, mut first }, x, u, predicted, .. } = self;
         // These are plain loops because a closure passed to an iterator is compiled without the instruction set that is
         // enabled for this function.
         match ends {
             Ends::Rows => {
-                let (x, u) = (x.rows::<L, 1>(&at.rows), u.rows::<L, 1>(&at.rows));
+                let (x, u, predicted) = (x.rows::<L, 1>(&at.rows), u.rows::<L, 1>(&at.rows), predicted.rows::<L, 1>(&at.rows));
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     let (a, b) = (first, first + 1);
-                    correct::<L, RULE, false>(factors, (x.row(a), x.row(b)), (u.row(a), u.row(b)));
+                    correct::<L, RULE, false>(
+                        factors,
+                        (x.row(a), x.row(b)),
+                        (u.row(a), u.row(b)),
+                        (predicted.row(a), predicted.row(b)),
+                    );
                     first += 2;
                 }
             }
             Ends::Pairs => {
-                let (x, u) = (x.rows::<L, 2>(&at.pairs), u.rows::<L, 2>(&at.pairs));
+                let (x, u, predicted) = (x.rows::<L, 2>(&at.pairs), u.rows::<L, 2>(&at.pairs), predicted.rows::<L, 2>(&at.pairs));
                 for factors in factors.chunks_exact(3 * L::LANES) {
-                    correct::<L, RULE, false>(factors, x.row(first), u.row(first));
+                    correct::<L, RULE, false>(factors, x.row(first), u.row(first), predicted.row(first));
                     first += 1;
                 }
             }
             Ends::Listed => {
-                let (x, u) = (x.at(&at.listed), u.at(&at.listed));
+                let (x, u, predicted) = (x.at(&at.listed), u.at(&at.listed), predicted.at(&at.listed));
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     let (a, b) = (first, first + L::LANES);
-                    correct::<L, RULE, true>(factors, (x.row::<L>(a), x.row::<L>(b)), (u.row::<L>(a), u.row::<L>(b)));
+                    correct::<L, RULE, true>(
+                        factors,
+                        (x.row::<L>(a), x.row::<L>(b)),
+                        (u.row::<L>(a), u.row::<L>(b)),
+                        (predicted.row::<L>(a), predicted.row::<L>(b)),
+                    );
                     first += 2 * L::LANES;
                 }
             }
@@ -107,24 +116,35 @@ impl SweepRows<'_> {
 /// Differences are formed between vectors as they lie in memory, several to a register, and transposed only for the
 /// rule. The correction is then applied by one instruction to the vectors of several edges.
 #[inline(always)]
-fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: impl Four<[L; 2]>, u: impl Four<[L; 2]>) {
+fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
+    factors: &[f32],
+    x: impl Four<[L; 2]>,
+    u: impl Four<[L; 2]>,
+    predicted: impl Four<[L; 2]>,
+) {
     let inverse_rest = L::from_slice(&factors[..L::LANES]);
     let mut d0 = [L::splat(0.0); 4];
-    let (mut du, mut ends) = (d0, [[d0[0]; 2]; 4]);
+    let (mut du, mut dp, mut ends) = (d0, d0, [[d0[0]; 2]; 4]);
     for k in 0..4 {
         let [x_a, x_b] = x.get(k);
         ends[k] = u.get(k);
         (d0[k], du[k]) = (x_a - x_b, ends[k][0] - ends[k][1]);
+        if RULE == PROJECT_COARSE {
+            let [p_a, p_b] = predicted.get(k);
+            dp[k] = p_a - p_b;
+        }
     }
-    let EdgeCorrection { scale, at_start } = rule::<L, RULE>(L::transpose(d0), L::transpose(du), inverse_rest);
+    let (share_a, share_b) =
+        (L::from_slice(&factors[L::LANES..2 * L::LANES]), L::from_slice(&factors[2 * L::LANES..3 * L::LANES]));
+    let apart = Apart { d0: L::transpose(d0), du: L::transpose(du), predicted: L::transpose(dp) };
+    let EdgeCorrection { scale, at_start } = rule::<L, RULE>(apart, inverse_rest, share_a + share_b);
     if RULE == RELAX || !L::all(at_start) {
         let at_start = L::spread_mask(at_start);
         for k in 0..4 {
             d0[k] = L::select(at_start[k], d0[k], d0[k] + du[k]);
         }
     }
-    let by_a = (scale * L::from_slice(&factors[L::LANES..2 * L::LANES])).spread();
-    let by_b = (scale * L::from_slice(&factors[2 * L::LANES..3 * L::LANES])).spread();
+    let (by_a, by_b) = ((scale * share_a).spread(), (scale * share_b).spread());
     for k in 0..4 {
         // Both ends are loaded before either is stored: where grid rows are 4096 bytes long, a load would stall on the
         // store to the same offset in another page (4K aliasing). The ends are loaded a second time where that is
@@ -134,12 +154,18 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(factors: &[f32], x: i
     }
 }
 
+/// By what the ends of edges are apart (m) at the substep's start, by what they move apart, and by what they were predicted to.
+struct Apart<L> {
+    d0: Vector<L>,
+    du: Vector<L>,
+    predicted: Vector<L>,
+}
+
 #[inline(always)]
-fn rule<L: Registers, const RULE: u8>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
+fn rule<L: Registers, const RULE: u8>(Apart { d0, du, predicted }: Apart<L>, inverse_rest: L, share: L) -> EdgeCorrection<L> {
     match RULE {
         PROJECT => distance::project_edge(d0, du, inverse_rest),
-        PROJECT_COARSE => distance::project_coarse(d0, du, inverse_rest),
-        HOLD_COARSE => distance::hold_coarse(d0, du, inverse_rest),
+        PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest, share),
         _ => distance::relax_edge(d0, du, inverse_rest),
     }
 }

@@ -23,7 +23,7 @@ use crate::gpu::statistics::Counter;
 use crate::gpu::submission::Submission;
 use crate::gpu::surface::Normals;
 use crate::gpu::sweep::{OnDemand, PerColor, SingleWorkgroup, SweepInputs, Tiled};
-use crate::gpu::tiles::{TileSize, Tiles};
+use crate::gpu::tiles::{IN_LEVEL_TILE, IN_TILE, TileSize, Tiles};
 use crate::gpu::watch::Report;
 use crate::kernels::contact::Body;
 use crate::model::cloth::{Change, Cloth};
@@ -48,7 +48,7 @@ pub(crate) struct GpuEngine {
     pub(crate) corrected: OnDemand,
     /// Created when a step first uses levels.
     pub(crate) multigrid: Option<Multigrid>,
-    /// Vertices or aggregates that fit into a tile.
+    /// Aggregates that fit into a tile.
     pub(crate) room: usize,
     /// Whether a single workgroup is the fastest route even for a cloth alone. `single_workgroup` is created when a step
     /// first uses it.
@@ -135,7 +135,7 @@ impl GpuEngine {
                 bent: OnDemand::Untried,
                 corrected: OnDemand::Untried,
                 multigrid: None,
-                room: size.room,
+                room: size.room * IN_TILE / IN_LEVEL_TILE,
                 small: route == Route::SingleWorkgroup,
                 single_workgroup: None,
                 contact: None,

@@ -21,6 +21,8 @@ use crate::model::mesh::bounds;
 pub(crate) const NO_EDGE: u32 = u32::MAX;
 /// Bytes of workgroup memory per vertex of a tile.
 pub(crate) const IN_TILE: usize = 32;
+/// Bytes of workgroup memory per aggregate of a tile.
+pub(crate) const IN_LEVEL_TILE: usize = 48;
 
 /// Tiles in the form that `stages/tiles.wgsl` reads.
 #[derive(Debug, Clone)]
@@ -128,11 +130,6 @@ impl Tiles {
         }
         let held = tiles.iter().map(|tile| tile.vertices.len()).collect();
         Tiles { table, held, count, colors, largest, widest, edges, sources }
-    }
-
-    /// Most own vertices of a tile.
-    pub(crate) fn most_own(&self) -> usize {
-        self.table[..self.count].iter().max().map_or(0, |&own| own as usize)
     }
 
     /// The vertices of each tile.

@@ -22,9 +22,11 @@ pub(crate) const TURN_GUARD: f32 = 0.5;
 /// ... and its squared length is within this share of the rest value, at the substep's start and end (.75 to 1.2 of the
 /// rest length). A longer edge would throw the cloth about if corrected along a direction that is no longer its own.
 pub(crate) const STRETCH_GUARD: f32 = 0.44;
-/// With [`hold_coarse`], a coarse edge pushes while its squared length is below the rest value by less than this share,
-/// and pushes less the closer it is to that limit.
-pub(crate) const SLACK_BAND: f32 = 6.5e-4;
+/// A coarse edge whose squared length is below the rest value by this share is slack, and may be shortened further: folds form there.
+/// Within the band cloth does not roll up; a wider one would flatten the wrinkles of a drape (`wrinkles_are_not_ironed`).
+pub(crate) const SLACK_BAND: f32 = 0.05;
+/// Lower bound of shares that are used as divisors.
+pub(crate) const MIN_SHARE: f32 = 1e-3;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;
 
@@ -52,31 +54,27 @@ pub(crate) struct EdgeCorrection<L: Lanes> {
 /// share equal to its strain, at any number of substeps.
 #[inline(always)]
 pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    project::<L, false>(d0, du, inverse_rest, L::splat(0.0))
+    project::<L, false>(d0, du, du, inverse_rest, inverse_rest)
 }
 
-/// The correction of a coarse edge that only pulls: the centers of aggregates may come arbitrarily close.
-#[inline(always)]
-pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    project::<L, true>(d0, du, inverse_rest, L::splat(0.0))
-}
-
-/// The correction of a coarse edge that pulls, and also pushes a little while it is hardly compressed.
+/// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m), and which takes this `share` of what it
+/// corrects, `(w_a + w_b) inverse_weight`. It only pulls, because the centers of aggregates may come arbitrarily close. But what other
+/// corrections shorten it below the predicted length it undoes: all of it, whatever its compliance, while it is hardly slack, and
+/// nothing from [`SLACK_BAND`] on.
 ///
-/// In a sheet that hangs at rest, diagonal coarse edges pull the cloth together across the load. If no coarse edge
-/// across resisted that, fine edges would. They would buckle under the pressure within an aggregate, where coarse edges
-/// have no influence, and a sheet without bending stiffness would never come to rest. The push fades out within
-/// [`SLACK_BAND`] and derives from a potential. It acts as a small bending resistance, so it is used only for cloth
-/// without bending stiffness of its own.
+/// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
+/// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that
+/// cloth without bending stiffness never came to rest, and a breeze rolled up cloth with it. A push from a fixed length would resist
+/// bending, which shortens the chord between two aggregates; the predicted length follows the bend.
 #[inline(always)]
-pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let mut correction = project::<L, true>(d0, du, inverse_rest, L::splat(-SLACK_BAND));
-    let d = d0 + du;
-    let r = d.dot(d).mul_add(inverse_rest * inverse_rest, L::splat(-1.0));
-    let left = r.mul_add(L::splat(1.0 / SLACK_BAND), one);
-    correction.scale = L::select(r.lt(zero), correction.scale * left * left, correction.scale);
-    correction
+pub(crate) fn project_coarse<L: Lanes>(
+    d0: Vector<L>,
+    du: Vector<L>,
+    predicted: Vector<L>,
+    inverse_rest: L,
+    share: L,
+) -> EdgeCorrection<L> {
+    project::<L, true>(d0, du, predicted, inverse_rest, share)
 }
 
 /// The correction of an edge along its current direction. For an edge without compliance this is Jakobsen's relaxation
@@ -89,12 +87,18 @@ pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L
     EdgeCorrection { scale: one - one / (inverse_rest * length), at_start: nowhere }
 }
 
-/// [`project_edge`], or for a `COARSE` edge that has no correction where `(l/l0)² - 1` is below `slack`.
+/// [`project_edge`], or for a `COARSE` edge [`project_coarse`].
 #[inline(always)]
-fn project<L: Lanes, const COARSE: bool>(d0: Vector<L>, du: Vector<L>, inverse_rest: L, slack: L) -> EdgeCorrection<L> {
-    let d = d0 + du;
-    let less_one = L::splat(-1.0);
+fn project<L: Lanes, const COARSE: bool>(
+    d0: Vector<L>,
+    du: Vector<L>,
+    predicted: Vector<L>,
+    inverse_rest: L,
+    share: L,
+) -> EdgeCorrection<L> {
+    let (zero, less_one) = (L::splat(0.0), L::splat(-1.0));
     let inverse_square = inverse_rest * inverse_rest;
+    let d = d0 + du;
     let r = d.dot(d).mul_add(inverse_square, less_one);
     let r0 = d0.dot(d0).mul_add(inverse_square, less_one);
     let c = d0.dot(d) * inverse_square;
@@ -102,17 +106,20 @@ fn project<L: Lanes, const COARSE: bool>(d0: Vector<L>, du: Vector<L>, inverse_r
     // Both are compared, because taking a maximum first could drop a NaN.
     let hardly_stretched = L::and(r.abs().lt(guard), r0.abs().lt(guard));
     let mut at_start = L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched);
-    let is_slack = r.lt(slack);
+    let mut excess = excess_length(r);
     if COARSE {
+        let p = d0 + predicted;
+        let before = p.dot(p).mul_add(inverse_square, less_one).min(zero);
+        let left = before.mul_add(L::splat(1.0 / SLACK_BAND), L::splat(1.0)).max(zero);
+        let push = (excess - excess_length(before)) * left / share.max(L::splat(MIN_SHARE));
+        let is_slack = r.lt(zero);
+        excess = L::select(is_slack, L::select(L::and(at_start, r.lt(before)), push, zero), excess);
         // Without a correction the direction is irrelevant, and the path with a root is not needed.
         at_start = L::or(at_start, is_slack);
     }
-    let mut scale = inverse_length(r0) * excess_length(r);
+    let mut scale = inverse_length(r0) * excess;
     if !L::all(at_start) {
         scale = L::select(at_start, scale, relax_edge(d0, du, inverse_rest).scale);
-    }
-    if COARSE {
-        scale = L::select(is_slack, L::splat(0.0), scale);
     }
     EdgeCorrection { scale, at_start }
 }

@@ -5,30 +5,43 @@
 
 use glam::{DVec3, Mat3A, Vec3A};
 
+/// Near `sqrt(1 + r) - 1`.
+fn excess(r: f32) -> f32 {
+    r / 2.0 - r.powi(2) / 8.0 + r.powi(3) / 16.0 - 0.0429 * r.powi(4) + 0.0307 * r.powi(5)
+}
+
+/// Near `1/sqrt(1 + r)`.
+fn inverse_length(r: f32) -> f32 {
+    1.0 - r / 2.0 + 3.0 * r.powi(2) / 8.0 - 0.360 * r.powi(3) + 0.321 * r.powi(4)
+}
+
+/// `(l/l0)² - 1` of an edge that is at `d0` and moves by `du`, and at its start; none if it has turned or stretched far.
+fn guarded(d0: Vec3A, du: Vec3A, inverse_rest: f32) -> Option<(f32, f32)> {
+    let square = |d: Vec3A| d.length_squared() * inverse_rest * inverse_rest - 1.0;
+    let turn = d0.dot(d0 + du) * inverse_rest * inverse_rest;
+    let (r, r0) = (square(d0 + du), square(d0));
+    (turn > 0.5 && r.abs() < 0.44 && r0.abs() < 0.44).then_some((r, r0))
+}
+
 /// The impulse of an edge: add `w_a` times it to `u_a` and subtract `w_b` times it from `u_b`.
 pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
-    let d = d0 + du;
-    let (square, square0) = (d.length_squared() * inverse_rest * inverse_rest, d0.length_squared() * inverse_rest * inverse_rest);
-    let turn = d0.dot(d) * inverse_rest * inverse_rest;
-    let (r, r0) = (square - 1.0, square0 - 1.0);
-    if turn > 0.5 && r.abs() < 0.44 && r0.abs() < 0.44 {
-        // Near `sqrt(1 + r) - 1` and `1/sqrt(1 + r0)`.
-        let excess = r / 2.0 - r.powi(2) / 8.0 + r.powi(3) / 16.0 - 0.0429 * r.powi(4) + 0.0307 * r.powi(5);
-        let unit = 1.0 - r0 / 2.0 + 3.0 * r0.powi(2) / 8.0 - 0.360 * r0.powi(3) + 0.321 * r0.powi(4);
-        -inverse_weight * excess * unit * d0
-    } else {
-        relax_edge(d0, du, inverse_rest, inverse_weight)
+    match guarded(d0, du, inverse_rest) {
+        Some((r, r0)) => -inverse_weight * excess(r) * inverse_length(r0) * d0,
+        None => relax_edge(d0, du, inverse_rest, inverse_weight),
     }
 }
 
-pub fn project_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
-    if (d0 + du).length() * inverse_rest <= 1.0 { Vec3A::ZERO } else { project_edge(d0, du, inverse_rest, inverse_weight) }
-}
-
-pub fn hold_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
-    let slack = 1.0 - (d0 + du).length_squared() * inverse_rest * inverse_rest;
-    let share = (1.0 - slack.max(0.0) / 6.5e-4).max(0.0);
-    share * share * project_edge(d0, du, inverse_rest, inverse_weight)
+/// The same for a coarse edge whose ends were predicted to move apart by `predicted`, and whose inverse masses add up to `w`.
+pub fn project_coarse(d0: Vec3A, du: Vec3A, predicted: Vec3A, inverse_rest: f32, inverse_weight: f32, w: f32) -> Vec3A {
+    if (d0 + du).length() * inverse_rest >= 1.0 {
+        return project_edge(d0, du, inverse_rest, inverse_weight);
+    }
+    let before = ((d0 + predicted).length() * inverse_rest).min(1.0).powi(2) - 1.0;
+    let left = (1.0 + before / 0.05).max(0.0);
+    match guarded(d0, du, inverse_rest) {
+        Some((r, r0)) if r < before => left / w * (excess(before) - excess(r)) * inverse_length(r0) * d0,
+        _ => Vec3A::ZERO,
+    }
 }
 
 pub fn relax_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {

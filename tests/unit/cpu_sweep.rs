@@ -17,16 +17,15 @@ use crate::{Fabric, Mesh, Options};
 
 /// `u` after one sweep, edge by edge in color order.
 fn swept_plainly(x: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<Vec4> {
-    let impulse: fn(Vec3A, Vec3A, f32, f32) -> Vec3A = match rule {
-        Rule::Project => oracle::project_edge,
-        Rule::ProjectCoarse => oracle::project_coarse,
-        Rule::HoldCoarse => oracle::hold_coarse,
-        Rule::Relax => oracle::relax_edge,
+    let impulse = |d0: Vec3A, du: Vec3A, predicted: Vec3A, Edge { inverse_rest, inverse_weight, .. }, w: f32| match rule {
+        Rule::Project => oracle::project_edge(d0, du, inverse_rest, inverse_weight),
+        Rule::ProjectCoarse => oracle::project_coarse(d0, du, predicted, inverse_rest, inverse_weight, w),
+        Rule::Relax => oracle::relax_edge(d0, du, inverse_rest, inverse_weight),
     };
     let mut u = start.to_vec();
     for edge in edges {
         let (a, b) = (edge.a as usize, edge.b as usize);
-        let by = impulse(xyz(x[a] - x[b]), xyz(u[a] - u[b]), edge.inverse_rest, edge.inverse_weight).extend(0.0);
+        let by = impulse(xyz(x[a] - x[b]), xyz(u[a] - u[b]), xyz(start[a] - start[b]), *edge, x[a].w + x[b].w).extend(0.0);
         u[a] += by * x[a].w;
         u[b] -= by * x[b].w;
     }
@@ -35,16 +34,19 @@ fn swept_plainly(x: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<
 
 /// `u` after one sweep in pieces, there and back.
 fn swept(cloth: &Cloth, from: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule, width: Width) -> Vec<Vec4> {
-    let [mut x, mut u] = [(); 2].map(|()| AlignedVec::new(start.len()));
-    x.copy_from_slice(from);
-    u.copy_from_slice(start);
+    let [mut x, mut u, mut predicted] = [from, start, start].map(|values| {
+        let mut copy = AlignedVec::new(values.len());
+        copy.copy_from_slice(values);
+        copy
+    });
     let partition = Partition::new(&cloth.links, cloth.swept().len(), &[], x.len());
     let weights = cloth.inverse_mass();
     let task = Task::alone();
     for pieces in partition.rounds.iter().chain(partition.rounds_back(cloth).iter().rev()) {
         let batches = EdgeBatches::new(pieces, edges, &cloth.colors, &weights, width.lanes());
-        let (x, u) = (SharedArray::new(x.room()), SharedArray::new(u.room()));
-        (0..pieces.len()).for_each(|piece| sweep(&batches, piece, rule, x.within(&task), u.within(&task), width));
+        let [x, u, predicted] = [&mut x, &mut u, &mut predicted].map(|values| SharedArray::new(values.room()));
+        let [x, u, predicted] = [&x, &u, &predicted].map(|values| values.within(&task));
+        (0..pieces.len()).for_each(|piece| sweep(&batches, piece, rule, x, u, predicted, width));
     }
     u.to_vec()
 }
@@ -77,7 +79,7 @@ fn sweeps_as_the_oracle_does(mut mesh: Mesh) {
         // Some edges are already stretched by several percent at the substep's start.
         let x: Vec<Vec4> = cloth.rest.iter().map(|x| *x + vector(0.0015).extend(0.0)).collect();
         let start: Vec<Vec4> = cloth.rest.iter().map(|x| vector(if x.w > 0.0 { size } else { 0.0 }).extend(0.0)).collect();
-        for rule in [Rule::Project, Rule::ProjectCoarse, Rule::HoldCoarse, Rule::Relax] {
+        for rule in [Rule::Project, Rule::ProjectCoarse, Rule::Relax] {
             let visits: Vec<Edge> = cloth.visits().into_iter().flat_map(|color| &edges[color]).copied().collect();
             let plain = swept_plainly(&x, &visits, &start, rule);
             let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);

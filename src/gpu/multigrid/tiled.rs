@@ -58,7 +58,7 @@ impl TiledLevels {
             let table = gpu.filled("levels", &levels.table);
             let own = [("LANES", lanes(gpu, levels.width) as f64), ("BASE", starts[first_together] as f64)];
             let constants = [&LevelTable::constants(Some(&levels), 0)[..], &own].concat();
-            let bound = vec![Bind::Read(&table), Bind::Write(averages), Bind::Write(shift)];
+            let bound = vec![Bind::Read(&table), Bind::Read(averages), Bind::Write(shift)];
             let entry = Entry { shader: shaders::LEVELS_IN_WORKGROUP, name: "sweep_of_levels", constants: &constants };
             let stage = Stage::new(gpu, uniforms, entry, &[bound]);
             (levels, table, stage)

@@ -2,11 +2,8 @@
 
 use crate::device::Gpu;
 use crate::gpu::stage::lanes;
-use crate::gpu::tiles::{IN_TILE, Tiles};
+use crate::gpu::tiles::{IN_LEVEL_TILE, Tiles};
 use crate::multigrid::hierarchy::Level;
-
-/// Bytes of workgroup memory for a correction.
-const OF_CORRECTION: usize = 16;
 
 /// For each tile one of the level, whose own aggregates are those of the tile's vertices; and the tiles with their vertices'
 /// aggregates by their places in it. `None` if some tile would have no room, or more vertices than a workgroup has
@@ -20,12 +17,10 @@ pub(crate) fn with_level(gpu: &Gpu, tiles: &Tiles, level: &Level) -> Option<(Til
         labels
     };
     let own: Vec<Vec<u32>> = lists.iter().map(aggregates).collect();
-    let room = gpu.workgroup_memory() / (IN_TILE + OF_CORRECTION);
+    let room = gpu.workgroup_memory() / IN_LEVEL_TILE;
     let of_level = Tiles::around(&own, level.inverse_mass.len(), &level.links, &level.colors, room)?;
     let invocations = lanes(gpu, tiles.largest);
-    let fits = tiles.largest <= invocations.min(room)
-        && of_level.most_own() <= invocations
-        && tiles.bytes() + of_level.bytes() <= gpu.most_table_bytes();
+    let fits = tiles.largest <= invocations.min(room) && tiles.bytes() + of_level.bytes() <= gpu.most_table_bytes();
     fits.then(|| {
         // Vertices and aggregates are held in the same memory, one after the other.
         let room = tiles.largest.max(of_level.largest);

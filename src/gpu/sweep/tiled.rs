@@ -144,12 +144,7 @@ impl Tiled {
         if let Some(of_level) = &level {
             gpu.write(&table, at.level, &of_level.table);
             entry = Entry { shader: shaders::CORRECTED_TILE, name: "substep_of_corrected_tile", ..entry };
-            let numbers = [
-                ("LEVEL_ROOM", of_level.largest),
-                ("LEVEL_WIDTH", of_level.widest),
-                ("LEVEL_COLORS", of_level.colors),
-                ("CORRECTIONS", of_level.most_own()),
-            ];
+            let numbers = [("LEVEL_ROOM", of_level.largest), ("LEVEL_WIDTH", of_level.widest), ("LEVEL_COLORS", of_level.colors)];
             constants.push(("LEVEL_TABLE", word(at.level)));
             constants.extend(numbers.map(|(name, value)| (name, value as f64)));
         }
