@@ -10,8 +10,7 @@ struct Edge {
 const TURN_GUARD: f32 = 0.5;
 const STRETCH_GUARD: f32 = 0.44;
 const SLACK_BAND: f32 = 0.05;
-// Lower bound of shares that are used as divisors.
-const MIN_SHARE: f32 = 1e-3;
+const MIN_SHARE: f32 = 0.02;
 // Lower bound of lengths [m] that are used as divisors.
 const MIN_LENGTH: f32 = 1e-12;
 

@@ -25,8 +25,8 @@ pub(crate) const STRETCH_GUARD: f32 = 0.44;
 /// A coarse edge whose squared length is below the rest value by this share is slack, and may be shortened further: folds form there.
 /// Within the band cloth does not roll up; a wider one would flatten the wrinkles of a drape (`wrinkles_are_not_ironed`).
 pub(crate) const SLACK_BAND: f32 = 0.05;
-/// Lower bound of shares that are used as divisors.
-pub(crate) const MIN_SHARE: f32 = 1e-3;
+/// One over how many times as hard as it pulls a compliant coarse edge may push.
+pub(crate) const MIN_SHARE: f32 = 0.02;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;
 
@@ -59,8 +59,8 @@ pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest:
 
 /// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m), and which takes this `share` of what it
 /// corrects, `(w_a + w_b) inverse_weight`. It only pulls, because the centers of aggregates may come arbitrarily close. But what other
-/// corrections shorten it below the predicted length it undoes: all of it, whatever its compliance, while it is hardly slack, and
-/// nothing from [`SLACK_BAND`] on.
+/// corrections shorten it below the predicted length it undoes: all of it while it is hardly slack, whatever its compliance (down to
+/// [`MIN_SHARE`]), and nothing from [`SLACK_BAND`] on.
 ///
 /// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
 /// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that

@@ -38,8 +38,9 @@ pub fn project_coarse(d0: Vec3A, du: Vec3A, predicted: Vec3A, inverse_rest: f32,
     }
     let before = ((d0 + predicted).length() * inverse_rest).min(1.0).powi(2) - 1.0;
     let left = (1.0 + before / 0.05).max(0.0);
+    let most = (1.0 / w).min(50.0 * inverse_weight);
     match guarded(d0, du, inverse_rest) {
-        Some((r, r0)) if r < before => left / w * (excess(before) - excess(r)) * inverse_length(r0) * d0,
+        Some((r, r0)) if r < before => most * left * (excess(before) - excess(r)) * inverse_length(r0) * d0,
         _ => Vec3A::ZERO,
     }
 }
