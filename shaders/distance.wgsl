@@ -9,8 +9,8 @@ struct Edge {
 
 const TURN_GUARD: f32 = 0.5;
 const STRETCH_GUARD: f32 = 0.44;
-const SLACK_BAND: f32 = 0.05;
-const MIN_SHARE: f32 = 0.02;
+const TAUT_BAND: f32 = 6.5e-4;
+const SLACK_BAND: f32 = 0.01;
 // Lower bound of lengths [m] that are used as divisors.
 const MIN_LENGTH: f32 = 1e-12;
 
@@ -45,9 +45,9 @@ fn relax_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * l) - 1.0));
 }
 
-// The impulse of a coarse edge whose ends were predicted to move apart by `predicted`, and which takes this share of what it
-// corrects. It pulls, and undoes what other corrections shorten it by while it is hardly slack.
-fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge, share: f32) -> vec3f {
+// The impulse of a coarse edge whose ends were predicted to move apart by `predicted`: it pulls, and undoes what other
+// corrections shorten it by while it is hardly slack.
+fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
     let d = d0 + du;
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
     let r = dot(d, d) * inverse_square - 1.0;
@@ -60,8 +60,26 @@ fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge, share: f32
     let r0 = dot(d0, d0) * inverse_square - 1.0;
     if r < before && c > TURN_GUARD && abs(r) < STRETCH_GUARD && abs(r0) < STRETCH_GUARD {
         let left = max(1.0 + before * (1.0 / SLACK_BAND), 0.0);
-        let push = (excess_length(r) - excess_length(before)) * left / max(share, MIN_SHARE);
+        let push = (excess_length(r) - excess_length(before)) * left;
         return d0 * (-edge.inverse_weight * inverse_length(r0) * push);
     }
     return vec3f();
+}
+
+// The impulse of a coarse edge that also pushes a little while it is hardly compressed.
+fn hold_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    let d = d0 + du;
+    let r = dot(d, d) * edge.inverse_rest * edge.inverse_rest - 1.0;
+    let left = 1.0 + min(r, 0.0) * (1.0 / TAUT_BAND);
+    if left <= 0.0 {
+        return vec3f();
+    }
+    return project_edge(d0, du, edge) * (left * left);
+}
+
+fn coarse_impulse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
+    if params.holds != 0u {
+        return hold_coarse(d0, du, edge);
+    }
+    return project_coarse(d0, du, predicted, edge);
 }

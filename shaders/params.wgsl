@@ -19,16 +19,17 @@ struct Params {
     relaxed: u32,
     levels: u32,
     drift: vec3f,
+    holds: u32,
     edges: u32,
     per_length: f32,
     per_mass: f32,
     longest_edge: f32,
     tethers: u32,
-    up: vec3f,
     load: f32,
     checks: u32,
     used: u32,
-    padding: vec2u,
+    up: vec3f,
+    padding: u32,
 }
 
 struct Substep {

@@ -21,8 +21,7 @@ var<private> on_level: bool;
 
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     if on_level {
-        let share = (tile_x[edge.a].w + tile_x[edge.b].w) * edge.inverse_weight;
-        return project_coarse(d0, du, of_level[edge.a].xyz - of_level[edge.b].xyz, edge, share);
+        return coarse_impulse(d0, du, of_level[edge.a].xyz - of_level[edge.b].xyz, edge);
     }
     return project_edge(d0, du, edge);
 }

@@ -11,8 +11,7 @@ override LEVEL: u32 = 0u;
 var<workgroup> tile_predicted: array<vec4f, ROOM>;
 
 fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
-    let share = (tile_x[edge.a].w + tile_x[edge.b].w) * edge.inverse_weight;
-    return project_coarse(d0, du, tile_predicted[edge.a].xyz - tile_predicted[edge.b].xyz, edge, share);
+    return coarse_impulse(d0, du, tile_predicted[edge.a].xyz - tile_predicted[edge.b].xyz, edge);
 }
 
 @compute @workgroup_size(LANES)

@@ -306,7 +306,7 @@ impl Cpu {
             edges: [edges, edges_back],
             tethers,
             forces: forces.share(plan, &x, &u, *width),
-            correction: Correction::new(coarse, &x, &u, *width),
+            correction: Correction::new(coarse, &x, &u, Rule::of_levels(plan), *width),
             integrator: Integrator { plan, x: &x, u: &u, good, found, width: *width },
             chunks: schedule.chunks.as_deref(),
             external,

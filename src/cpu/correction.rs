@@ -28,18 +28,25 @@ pub(crate) struct Correction<'a> {
     /// Positions and displacements of the vertices.
     fine: (&'a SharedArray<'a>, &'a SharedArray<'a>),
     arrays: [Option<Arrays<'a>>; MAX_LEVELS],
+    rule: Rule,
     width: Width,
 }
 
 impl<'a> Correction<'a> {
-    /// The correction of displacements `u`, predicted from positions `x`.
-    pub(crate) fn new(coarse: &'a mut Coarse, x: &'a SharedArray<'a>, u: &'a SharedArray<'a>, width: Width) -> Correction<'a> {
+    /// The correction of displacements `u`, predicted from positions `x`, with edges corrected by `rule`.
+    pub(crate) fn new(
+        coarse: &'a mut Coarse,
+        x: &'a SharedArray<'a>,
+        u: &'a SharedArray<'a>,
+        rule: Rule,
+        width: Width,
+    ) -> Correction<'a> {
         let mut states = coarse.states.iter_mut();
         let arrays = std::array::from_fn(|_| {
             let AggregateState { x, change, u } = states.next()?;
             Some(Arrays { x: SharedArray::new(x.room()), change: SharedArray::new(change.room()), u: SharedArray::new(u.room()) })
         });
-        Correction { levels: &coarse.levels, fine: (x, u), arrays, width }
+        Correction { levels: &coarse.levels, fine: (x, u), arrays, rule, width }
     }
 }
 
@@ -94,7 +101,7 @@ impl Correction<'_> {
         if round == 0 && level + 1 < self.levels.len() {
             self.prolongate(task, level + 1, u, here.partition.tiles[piece].clone());
         }
-        sweep(&here.edges[round], piece, Rule::ProjectCoarse, x, u, change, self.width);
+        sweep(&here.edges[round], piece, self.rule, x, u, change, self.width);
         for vertex in here.partition.rounds[round][piece].vertices.iter().cloned().flatten() {
             change.set(vertex as usize, u.get(vertex as usize) - change.get(vertex as usize));
         }

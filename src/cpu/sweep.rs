@@ -6,6 +6,7 @@ use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::distance::{self, EdgeCorrection};
 use crate::options::Method;
 use crate::simd::{self, Loop, Registers, Vector, Width};
+use crate::step::plan::Plan;
 
 /// Which kernel corrects the edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +15,8 @@ pub(crate) enum Rule {
     Project,
     /// [`distance::project_coarse`].
     ProjectCoarse,
+    /// [`distance::hold_coarse`].
+    HoldCoarse,
     /// [`distance::relax_edge`].
     Relax,
 }
@@ -27,13 +30,20 @@ impl Rule {
             Method::Springs => None,
         }
     }
+
+    /// How coarse edges are corrected.
+    pub(crate) fn of_levels(plan: &Plan<'_>) -> Rule {
+        if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }
+    }
 }
 
 const PROJECT: u8 = Rule::Project as u8;
 const PROJECT_COARSE: u8 = Rule::ProjectCoarse as u8;
+const HOLD_COARSE: u8 = Rule::HoldCoarse as u8;
 const RELAX: u8 = Rule::Relax as u8;
 
-/// Corrects the edges of one piece, in their packed order. Coarse edges also read what was `predicted` for `u`.
+/// Corrects the edges of one piece, in their packed order. Coarse edges that undo what others shorten them by also read what was
+/// `predicted` for `u`.
 pub(crate) fn sweep(
     batches: &EdgeBatches,
     piece: usize,
@@ -62,6 +72,7 @@ impl Loop for SweepRows<'_> {
         match self.rule {
             Rule::Project => self.rows::<L, PROJECT>(),
             Rule::ProjectCoarse => self.rows::<L, PROJECT_COARSE>(),
+            Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(),
             Rule::Relax => self.rows::<L, RELAX>(),
         }
     }
@@ -134,17 +145,16 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
             dp[k] = p_a - p_b;
         }
     }
-    let (share_a, share_b) =
-        (L::from_slice(&factors[L::LANES..2 * L::LANES]), L::from_slice(&factors[2 * L::LANES..3 * L::LANES]));
     let apart = Apart { d0: L::transpose(d0), du: L::transpose(du), predicted: L::transpose(dp) };
-    let EdgeCorrection { scale, at_start } = rule::<L, RULE>(apart, inverse_rest, share_a + share_b);
+    let EdgeCorrection { scale, at_start } = rule::<L, RULE>(apart, inverse_rest);
     if RULE == RELAX || !L::all(at_start) {
         let at_start = L::spread_mask(at_start);
         for k in 0..4 {
             d0[k] = L::select(at_start[k], d0[k], d0[k] + du[k]);
         }
     }
-    let (by_a, by_b) = ((scale * share_a).spread(), (scale * share_b).spread());
+    let by_a = (scale * L::from_slice(&factors[L::LANES..2 * L::LANES])).spread();
+    let by_b = (scale * L::from_slice(&factors[2 * L::LANES..3 * L::LANES])).spread();
     for k in 0..4 {
         // Both ends are loaded before either is stored: where grid rows are 4096 bytes long, a load would stall on the
         // store to the same offset in another page (4K aliasing). The ends are loaded a second time where that is
@@ -162,10 +172,11 @@ struct Apart<L> {
 }
 
 #[inline(always)]
-fn rule<L: Registers, const RULE: u8>(Apart { d0, du, predicted }: Apart<L>, inverse_rest: L, share: L) -> EdgeCorrection<L> {
+fn rule<L: Registers, const RULE: u8>(Apart { d0, du, predicted }: Apart<L>, inverse_rest: L) -> EdgeCorrection<L> {
     match RULE {
         PROJECT => distance::project_edge(d0, du, inverse_rest),
-        PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest, share),
+        PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest),
+        HOLD_COARSE => distance::hold_coarse(d0, du, inverse_rest),
         _ => distance::relax_edge(d0, du, inverse_rest),
     }
 }

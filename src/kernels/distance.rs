@@ -22,11 +22,13 @@ pub(crate) const TURN_GUARD: f32 = 0.5;
 /// ... and its squared length is within this share of the rest value, at the substep's start and end (.75 to 1.2 of the
 /// rest length). A longer edge would throw the cloth about if corrected along a direction that is no longer its own.
 pub(crate) const STRETCH_GUARD: f32 = 0.44;
-/// A coarse edge whose squared length is below the rest value by this share is slack, and may be shortened further: folds form there.
-/// Within the band cloth does not roll up; a wider one would flatten the wrinkles of a drape (`wrinkles_are_not_ironed`).
-pub(crate) const SLACK_BAND: f32 = 0.05;
-/// One over how many times as hard as it pulls a compliant coarse edge may push.
-pub(crate) const MIN_SHARE: f32 = 0.02;
+/// With [`hold_coarse`], a coarse edge pushes while its squared length is below the rest value by less than this share,
+/// and pushes less the closer it is to that limit.
+pub(crate) const TAUT_BAND: f32 = 6.5e-4;
+/// With [`project_coarse`], a coarse edge whose squared length is below the rest value by this share is slack, and may be shortened
+/// further: folds form there. Within the band cloth does not roll up; a wider one would flatten the wrinkles of a drape
+/// (`wrinkles_are_not_ironed`).
+pub(crate) const SLACK_BAND: f32 = 0.01;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;
 
@@ -54,27 +56,39 @@ pub(crate) struct EdgeCorrection<L: Lanes> {
 /// share equal to its strain, at any number of substeps.
 #[inline(always)]
 pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    project::<L, false>(d0, du, du, inverse_rest, inverse_rest)
+    let lengths = Lengths::new(d0, du, inverse_rest);
+    correct(lengths, excess_length(lengths.r), [d0, du], inverse_rest)
 }
 
-/// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m), and which takes this `share` of what it
-/// corrects, `(w_a + w_b) inverse_weight`. It only pulls, because the centers of aggregates may come arbitrarily close. But what other
-/// corrections shorten it below the predicted length it undoes: all of it while it is hardly slack, whatever its compliance (down to
-/// [`MIN_SHARE`]), and nothing from [`SLACK_BAND`] on.
+/// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m). It only pulls, because the centers of
+/// aggregates may come arbitrarily close. But what other corrections shorten it below the predicted length it undoes, the less the more
+/// slack it is, and nothing from [`SLACK_BAND`] on.
 ///
 /// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
-/// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that
-/// cloth without bending stiffness never came to rest, and a breeze rolled up cloth with it. A push from a fixed length would resist
-/// bending, which shortens the chord between two aggregates; the predicted length follows the bend.
+/// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that a
+/// breeze rolls up cloth. A push from a fixed length would resist bending, which shortens the chord between two aggregates; the
+/// predicted length follows the bend.
 #[inline(always)]
-pub(crate) fn project_coarse<L: Lanes>(
-    d0: Vector<L>,
-    du: Vector<L>,
-    predicted: Vector<L>,
-    inverse_rest: L,
-    share: L,
-) -> EdgeCorrection<L> {
-    project::<L, true>(d0, du, predicted, inverse_rest, share)
+pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, predicted: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let before = relative_excess(d0 + predicted, inverse_rest).min(zero);
+    let left = before.mul_add(L::splat(1.0 / SLACK_BAND), one).max(zero);
+    let lengths = Lengths::new(d0, du, inverse_rest);
+    let push = (excess_length(lengths.r) - excess_length(before)) * left;
+    pull_or_push(lengths, L::select(lengths.r.lt(before), push, zero), [d0, du], inverse_rest)
+}
+
+/// The correction of a coarse edge that pulls, and also pushes a little while it is hardly compressed, for cloth without bending
+/// stiffness.
+///
+/// Such cloth would never come to rest for the reason given at [`project_coarse`], which ends that too, but leaves a fifth to two
+/// fifths more mean strain in a sheet that swings down. The push fades out within [`TAUT_BAND`] and derives from a potential. It acts as a
+/// small bending resistance.
+#[inline(always)]
+pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
+    let lengths = Lengths::new(d0, du, inverse_rest);
+    let left = lengths.r.mul_add(L::splat(1.0 / TAUT_BAND), L::splat(1.0)).max(L::splat(0.0));
+    pull_or_push(lengths, excess_length(lengths.r) * left * left, [d0, du], inverse_rest)
 }
 
 /// The correction of an edge along its current direction. For an edge without compliance this is Jakobsen's relaxation
@@ -87,36 +101,48 @@ pub(crate) fn relax_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L
     EdgeCorrection { scale: one - one / (inverse_rest * length), at_start: nowhere }
 }
 
-/// [`project_edge`], or for a `COARSE` edge [`project_coarse`].
+/// `(l/l0)² - 1` of an edge vector.
 #[inline(always)]
-fn project<L: Lanes, const COARSE: bool>(
-    d0: Vector<L>,
-    du: Vector<L>,
-    predicted: Vector<L>,
-    inverse_rest: L,
-    share: L,
-) -> EdgeCorrection<L> {
-    let (zero, less_one) = (L::splat(0.0), L::splat(-1.0));
-    let inverse_square = inverse_rest * inverse_rest;
-    let d = d0 + du;
-    let r = d.dot(d).mul_add(inverse_square, less_one);
-    let r0 = d0.dot(d0).mul_add(inverse_square, less_one);
-    let c = d0.dot(d) * inverse_square;
-    let guard = L::splat(STRETCH_GUARD);
-    // Both are compared, because taking a maximum first could drop a NaN.
-    let hardly_stretched = L::and(r.abs().lt(guard), r0.abs().lt(guard));
-    let mut at_start = L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched);
-    let mut excess = excess_length(r);
-    if COARSE {
-        let p = d0 + predicted;
-        let before = p.dot(p).mul_add(inverse_square, less_one).min(zero);
-        let left = before.mul_add(L::splat(1.0 / SLACK_BAND), L::splat(1.0)).max(zero);
-        let push = (excess - excess_length(before)) * left / share.max(L::splat(MIN_SHARE));
-        let is_slack = r.lt(zero);
-        excess = L::select(is_slack, L::select(L::and(at_start, r.lt(before)), push, zero), excess);
-        // Without a correction the direction is irrelevant, and the path with a root is not needed.
-        at_start = L::or(at_start, is_slack);
+fn relative_excess<L: Lanes>(d: Vector<L>, inverse_rest: L) -> L {
+    d.dot(d).mul_add(inverse_rest * inverse_rest, L::splat(-1.0))
+}
+
+/// `(l/l0)² - 1` of an edge at the substep's start and end, and where it is corrected along its direction at the start.
+#[derive(Clone, Copy)]
+struct Lengths<L: Lanes> {
+    r0: L,
+    r: L,
+    at_start: L::Mask,
+}
+
+impl<L: Lanes> Lengths<L> {
+    #[inline(always)]
+    fn new(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> Lengths<L> {
+        let d = d0 + du;
+        let (r0, r) = (relative_excess(d0, inverse_rest), relative_excess(d, inverse_rest));
+        let c = d0.dot(d) * (inverse_rest * inverse_rest);
+        let guard = L::splat(STRETCH_GUARD);
+        // Both are compared, because taking a maximum first could drop a NaN.
+        let hardly_stretched = L::and(r.abs().lt(guard), r0.abs().lt(guard));
+        Lengths { r0, r, at_start: L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched) }
     }
+}
+
+/// The correction of a coarse edge: of an excess length relative to its rest length where it is slack, and elsewhere of its own.
+#[inline(always)]
+fn pull_or_push<L: Lanes>(lengths: Lengths<L>, slack: L, apart: [Vector<L>; 2], inverse_rest: L) -> EdgeCorrection<L> {
+    let Lengths { r, at_start, .. } = lengths;
+    let is_slack = r.lt(L::splat(0.0));
+    let slack = L::select(at_start, slack, L::splat(0.0));
+    // Without a correction the direction is irrelevant, and the path with a root is not needed.
+    let lengths = Lengths { at_start: L::or(at_start, is_slack), ..lengths };
+    correct(lengths, L::select(is_slack, slack, excess_length(r)), apart, inverse_rest)
+}
+
+/// The correction of an excess length relative to the rest length, or where the edge has turned or stretched far [`relax_edge`].
+#[inline(always)]
+fn correct<L: Lanes>(lengths: Lengths<L>, excess: L, [d0, du]: [Vector<L>; 2], inverse_rest: L) -> EdgeCorrection<L> {
+    let Lengths { r0, at_start, .. } = lengths;
     let mut scale = inverse_length(r0) * excess;
     if !L::all(at_start) {
         scale = L::select(at_start, scale, relax_edge(d0, du, inverse_rest).scale);

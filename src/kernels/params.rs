@@ -37,6 +37,8 @@ pub(crate) struct Params {
     pub levels: u32,
     /// Mean displacement (m) of the pins in a substep.
     pub drift: [f32; 3],
+    /// 1 if coarse edges also push (`distance::hold_coarse`).
+    pub holds: u32,
     /// Number of edges that are swept.
     pub edges: u32,
     /// Bounds of the instability watch (`kernels::watch`). One over the displacement (m) in a substep at the greatest
@@ -48,15 +50,15 @@ pub(crate) struct Params {
     pub longest_edge: f32,
     /// 1 if tethers are in use.
     pub tethers: u32,
-    /// The unit vector opposite to gravity; 0 without gravity.
-    pub up: [f32; 3],
     /// Acceleration (m/s²) under whose load tethers are lengthened by their slack.
     pub load: f32,
     /// 1 if tiles check the result of the step in its last substep, because nothing follows it.
     pub checks: u32,
     /// Number of vertices with edges, which come first.
     pub used: u32,
-    pub padding: [u32; 2],
+    /// The unit vector opposite to gravity; 0 without gravity.
+    pub up: [f32; 3],
+    pub padding: u32,
 }
 
 /// Parameters that differ between substeps.

@@ -11,8 +11,8 @@
 //! 1. Restrict by the mass-weighted average, `x_c = sum m_v x_v / m_c`, and `u_c` likewise. This is the adjoint of
 //!    piecewise constant prolongation in the metric of the masses, so the correction is a projection and adds no
 //!    energy.
-//! 2. Sweep once over the coarse edges, correcting only stretched ones (cloth gives way to compression) along their
-//!    direction at the substep's start. Their shifted compliance corresponds to the share of the stiffness that the
+//! 2. Sweep once over the coarse edges, correcting stretched ones (cloth gives way to compression) along their direction
+//!    at the substep's start, and undoing what this shortens others by (`distance::project_coarse`). Their shifted compliance corresponds to the share of the stiffness that the
 //!    fine edges do not carry, `1 - (S/S*)²`, or less along a direction in which the fabric is soft.
 //! 3. Prolongate: add to each vertex the correction of its aggregate.
 //!
@@ -42,11 +42,14 @@
 //! stiffness, levels have nothing to add. Up to 7/8 of `S*` they help: a sheet of 64 by 64 swings down with an error of
 //! 3.6e-4 m at 112 substeps, and of 7.2e-4 m without levels.
 //!
-//! In cloth without bending stiffness, coarse edges also push (`distance::hold_coarse`). If they only pulled, the
-//! diagonals would contract a hanging sheet sideways and compress the fine edges across, and it would flutter at scales
-//! below an aggregate's size, at 3 to 7 mm/s, without end. A compliance floor on the fine edges would stop that too,
-//! but costs a fifth to a half more error in motion and up to twice the strain. Coarse edges that push flatten wrinkles
-//! shallower than 3 %, and cost a tenth more error at 40 substeps and nothing from 80 on.
+//! If coarse edges only pulled, the diagonals would contract a hanging sheet sideways, because nothing would push back but the fine
+//! edges across, which buckle within an aggregate. Without bending stiffness it fluttered at 3 to 7 mm/s without end; a wind of 1 m/s at
+//! 37 degrees rolled up a panel of .5 m by 1 m until its hem was .18 to .32 m wide. A compliance floor on the fine edges would stop the
+//! flutter, but costs a fifth to a half more error in motion and up to twice the strain. A push from a fixed length, within a shortfall
+//! of 1e-3 or a hundredth as hard within 5 %, resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) sagged
+//! by .4 to .7 of its reach instead of 5.9. The predicted length follows the bend. Without [`SLACK_BAND`](crate::kernels::distance) a
+//! drape would have 9.6 m of folds where 11.8 are right. Soft edges must push harder than they pull: otherwise jersey is rolled up. With
+//! few substeps it still is, to a third of its width at 5.
 //!
 //! The coarse edges carry nearly all of the load, along a polygon of a few straight chords, and each aggregate is pushed sideways as
 //! a block. So hung cloth swings like a chain of that many beads, and the steps between the blocks take the energy of its swings. At 5
@@ -58,13 +61,10 @@
 //! frequency and keeps three quarters or more of most amplitudes, but needs six numbers for each fine edge and, as it is explicit, a
 //! bound on the tension beyond which the chords take the rest. It would double the cost of a substep.
 //!
-//! For that reason, too, cloth with bending stiffness gets wrinkles where it hangs, whose fine edges are all that resists the pull of the
-//! diagonals across the load (28 mm at 5 substeps in a cotton curtain of 1 m by 2.4 m with 21 by 49 vertices, 12 mm at 20, none without
-//! levels), and a wind of 1 m/s at 37 degrees rolls up a panel of .5 m by 1 m until its hem is .18 to .32 m wide. If coarse edges pushed
-//! within a shortfall of 1e-3, or a hundredth as much within 5 %, it would not be rolled up, and two thirds of the wrinkles would be left.
-//! But that resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) sags by .4 to .7 of its reach instead of
-//! 5.9. The length from which they push would have to be that of the chord of the cloth as it is bent now. So a bound on strain takes more
-//! substeps instead where limp cloth hangs and 32 bear its weight (`Deformer::trades_levels`). Finer cloth is still rolled up.
+//! Blocks also leave the fine edges stretched where two of them meet and slack within, so that they contract the cloth unevenly across
+//! the load. A cotton curtain of 1 m by 2.4 m with 21 by 49 vertices gets wrinkles along its sides (XX mm at 5 substeps, 11 mm at 20, none
+//! without levels). Two or four sweeps over the coarse edges halve them. So a bound on strain takes more substeps instead where limp cloth
+//! hangs and 32 bear its weight (`Deformer::trades_levels`).
 //!
 //! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. Wind feeds them: the
 //! excess length of the fine edges, half or less of what it would be, then shows as small wrinkles instead of as stretch. A sheet of 65 by

@@ -110,10 +110,9 @@ pub enum Method {
 /// vertices. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
 ///
 /// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack: small swings are
-/// damped, the second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more. They pull hung
-/// cloth together across its load, so a narrow strip that hangs from its end curls lengthwise, a curtain with bending stiffness gets
-/// wrinkles of a few centimeters, and a light wind from the side rolls it up. Where that matters, turn them [`Off`](Levels::Off) and
-/// take more substeps.
+/// damped, the second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more, a curtain with
+/// bending stiffness gets wrinkles of a centimeter or two, and soft cloth is rolled up by a light wind from the side. Where that matters,
+/// turn them [`Off`](Levels::Off) and take more substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {

@@ -138,6 +138,7 @@ impl StepInputs<'_> {
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
             levels: coefficients.levels.len() as u32,
             // A chain has no width across which coarse edges could pull it together.
+            holds: u32::from(!self.bends() && cloth.is_sheet),
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
             drift: drift.to_array(),
@@ -254,6 +255,11 @@ impl<'a> Plan<'a> {
     #[cfg(feature = "gpu")]
     pub(crate) fn forces_read_velocities(&self) -> bool {
         self.air || self.bending && self.damped()
+    }
+
+    /// Whether coarse edges also push (`distance::hold_coarse`).
+    pub(crate) fn holds(&self) -> bool {
+        self.params.holds != 0
     }
 
     /// Whether bending is damped.

@@ -31,18 +31,23 @@ pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32
     }
 }
 
-/// The same for a coarse edge whose ends were predicted to move apart by `predicted`, and whose inverse masses add up to `w`.
-pub fn project_coarse(d0: Vec3A, du: Vec3A, predicted: Vec3A, inverse_rest: f32, inverse_weight: f32, w: f32) -> Vec3A {
+/// The same for a coarse edge whose ends were predicted to move apart by `predicted`.
+pub fn project_coarse(d0: Vec3A, du: Vec3A, predicted: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
     if (d0 + du).length() * inverse_rest >= 1.0 {
         return project_edge(d0, du, inverse_rest, inverse_weight);
     }
     let before = ((d0 + predicted).length() * inverse_rest).min(1.0).powi(2) - 1.0;
-    let left = (1.0 + before / 0.05).max(0.0);
-    let most = (1.0 / w).min(50.0 * inverse_weight);
+    let left = (1.0 + before / 0.01).max(0.0);
     match guarded(d0, du, inverse_rest) {
-        Some((r, r0)) if r < before => most * left * (excess(before) - excess(r)) * inverse_length(r0) * d0,
+        Some((r, r0)) if r < before => inverse_weight * left * (excess(before) - excess(r)) * inverse_length(r0) * d0,
         _ => Vec3A::ZERO,
     }
+}
+
+pub fn hold_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
+    let slack = 1.0 - (d0 + du).length_squared() * inverse_rest * inverse_rest;
+    let share = (1.0 - slack.max(0.0) / 6.5e-4).max(0.0);
+    share * share * project_edge(d0, du, inverse_rest, inverse_weight)
 }
 
 pub fn relax_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
