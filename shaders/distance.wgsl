@@ -10,7 +10,7 @@ struct Edge {
 const TURN_GUARD: f32 = 0.5;
 const STRETCH_GUARD: f32 = 0.44;
 const TAUT_BAND: f32 = 6.5e-4;
-const SLACK_BAND: f32 = 0.01;
+const SLACK_BAND: f32 = 0.012;
 // Lower bound of lengths [m] that are used as divisors.
 const MIN_LENGTH: f32 = 1e-12;
 

@@ -28,7 +28,7 @@ pub(crate) const TAUT_BAND: f32 = 6.5e-4;
 /// With [`project_coarse`], a coarse edge whose squared length is below the rest value by this share is slack, and may be shortened
 /// further: folds form there. Within the band cloth does not roll up; a wider one would flatten the wrinkles of a drape
 /// (`wrinkles_are_not_ironed`).
-pub(crate) const SLACK_BAND: f32 = 0.01;
+pub(crate) const SLACK_BAND: f32 = 0.012;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;
 
@@ -73,9 +73,16 @@ pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, predicted: 
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let before = relative_excess(d0 + predicted, inverse_rest).min(zero);
     let left = before.mul_add(L::splat(1.0 / SLACK_BAND), one).max(zero);
-    let lengths = Lengths::new(d0, du, inverse_rest);
-    let push = (excess_length(lengths.r) - excess_length(before)) * left;
-    pull_or_push(lengths, L::select(lengths.r.lt(before), push, zero), [d0, du], inverse_rest)
+    let mut lengths = Lengths::new(d0, du, inverse_rest);
+    let r = lengths.r;
+    let (is_slack, pushes) = (r.lt(zero), L::and(lengths.at_start, r.lt(before)));
+    let push = (excess_length(r) - excess_length(before)) * left;
+    // Without a correction the direction is irrelevant, and the path with a root is not needed.
+    lengths.at_start = L::or(lengths.at_start, is_slack);
+    let mut correction = correct(lengths, L::select(is_slack, push, excess_length(r)), [d0, du], inverse_rest);
+    let scale = L::select(is_slack, zero, correction.scale);
+    correction.scale = L::select(pushes, correction.scale, scale);
+    correction
 }
 
 /// The correction of a coarse edge that pulls, and also pushes a little while it is hardly compressed, for cloth without bending
@@ -86,9 +93,16 @@ pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, predicted: 
 /// small bending resistance.
 #[inline(always)]
 pub(crate) fn hold_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
-    let lengths = Lengths::new(d0, du, inverse_rest);
-    let left = lengths.r.mul_add(L::splat(1.0 / TAUT_BAND), L::splat(1.0)).max(L::splat(0.0));
-    pull_or_push(lengths, excess_length(lengths.r) * left * left, [d0, du], inverse_rest)
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let mut lengths = Lengths::new(d0, du, inverse_rest);
+    let r = lengths.r;
+    let is_slack = r.lt(L::splat(-TAUT_BAND));
+    lengths.at_start = L::or(lengths.at_start, is_slack);
+    let mut correction = correct(lengths, excess_length(r), [d0, du], inverse_rest);
+    let left = r.mul_add(L::splat(1.0 / TAUT_BAND), one);
+    correction.scale = L::select(r.lt(zero), correction.scale * left * left, correction.scale);
+    correction.scale = L::select(is_slack, zero, correction.scale);
+    correction
 }
 
 /// The correction of an edge along its current direction. For an edge without compliance this is Jakobsen's relaxation
@@ -126,17 +140,6 @@ impl<L: Lanes> Lengths<L> {
         let hardly_stretched = L::and(r.abs().lt(guard), r0.abs().lt(guard));
         Lengths { r0, r, at_start: L::and(L::splat(TURN_GUARD).lt(c), hardly_stretched) }
     }
-}
-
-/// The correction of a coarse edge: of an excess length relative to its rest length where it is slack, and elsewhere of its own.
-#[inline(always)]
-fn pull_or_push<L: Lanes>(lengths: Lengths<L>, slack: L, apart: [Vector<L>; 2], inverse_rest: L) -> EdgeCorrection<L> {
-    let Lengths { r, at_start, .. } = lengths;
-    let is_slack = r.lt(L::splat(0.0));
-    let slack = L::select(at_start, slack, L::splat(0.0));
-    // Without a correction the direction is irrelevant, and the path with a root is not needed.
-    let lengths = Lengths { at_start: L::or(at_start, is_slack), ..lengths };
-    correct(lengths, L::select(is_slack, slack, excess_length(r)), apart, inverse_rest)
 }
 
 /// The correction of an excess length relative to the rest length, or where the edge has turned or stretched far [`relax_edge`].

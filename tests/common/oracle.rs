@@ -37,7 +37,7 @@ pub fn project_coarse(d0: Vec3A, du: Vec3A, predicted: Vec3A, inverse_rest: f32,
         return project_edge(d0, du, inverse_rest, inverse_weight);
     }
     let before = ((d0 + predicted).length() * inverse_rest).min(1.0).powi(2) - 1.0;
-    let left = (1.0 + before / 0.01).max(0.0);
+    let left = (1.0 + before / 0.012).max(0.0);
     match guarded(d0, du, inverse_rest) {
         Some((r, r0)) if r < before => inverse_weight * left * (excess(before) - excess(r)) * inverse_length(r0) * d0,
         _ => Vec3A::ZERO,
