@@ -12,8 +12,9 @@
 //!    piecewise constant prolongation in the metric of the masses, so the correction is a projection and adds no
 //!    energy.
 //! 2. Sweep once over the coarse edges, correcting stretched ones (cloth gives way to compression) along their direction
-//!    at the substep's start, and undoing what this shortens others by (`distance::project_coarse`). Their shifted compliance corresponds to the share of the stiffness that the
-//!    fine edges do not carry, `1 - (S/S*)²`, or less along a direction in which the fabric is soft.
+//!    at the substep's start, and undoing what this shortens others by (`distance::project_coarse`). Their shifted
+//!    compliance corresponds to the share of the stiffness that the fine edges do not carry, `1 - (S/S*)²`, or less along
+//!    a direction in which the fabric is soft.
 //! 3. Prolongate: add to each vertex the correction of its aggregate.
 //!
 //! Weights are constant in an aggregate, and aggregates are nested. So one pass over the vertices restricts to the
@@ -43,13 +44,18 @@
 //! 3.6e-4 m at 112 substeps, and of 7.2e-4 m without levels.
 //!
 //! If coarse edges only pulled, the diagonals would contract a hanging sheet sideways, because nothing would push back but the fine
-//! edges across, which buckle within an aggregate. Without bending stiffness it fluttered at 3 to 7 mm/s without end; a wind of 1 m/s at
-//! 37 degrees rolled up a panel of .5 m by 1 m until its hem was .18 to .32 m wide. A compliance floor on the fine edges would stop the
-//! flutter, but costs a fifth to a half more error in motion and up to twice the strain. A push from a fixed length, within a shortfall
-//! of 1e-3 or a hundredth as hard within 5 %, resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) sagged
-//! by .4 to .7 of its reach instead of 5.9. The predicted length follows the bend. Without [`SLACK_BAND`](crate::kernels::distance) a
-//! drape would have 9.6 m of folds where 11.8 are right. Soft edges must push harder than they pull: otherwise jersey is rolled up. With
-//! few substeps it still is, to a third of its width at 5.
+//! edges across, which buckle within an aggregate. A sheet without bending stiffness would flutter at 3 to 7 mm/s without end, and a wind
+//! of 1 m/s at 37 degrees would roll up a cotton panel of .5 m by 1 m until its hem is .18 to .32 m wide.
+//! - Without bending stiffness, coarse edges push while they are hardly compressed (`distance::hold_coarse`). A compliance floor on the
+//!   fine edges would stop the flutter, too, but costs a fifth to a half more error in motion and up to twice the strain. The push
+//!   flattens wrinkles shallower than 3 %, and costs a tenth more error at 40 substeps and nothing from 80 on.
+//! - That resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) would sag by .4 to .7 of its reach instead of
+//!   5.9. So with bending stiffness they undo what other corrections shorten them by, and resist no bend that was predicted
+//!   (`distance::project_coarse`). Without a limit they would leave a drape 9.6 m of folds instead of 11.8, with theirs 11.3. With the
+//!   same rule, a sheet without bending stiffness would have a fifth to two fifths more mean strain while it swings.
+//! - Soft coarse edges push as little as they pull, so soft cloth is still rolled up (jersey, to a quarter of its width at 5 substeps).
+//!   If they pushed up to fifty times as hard, in a band of 5 %, that would be cured from 10 substeps on, but a drape would have 11.0 m of
+//!   folds, and a flag in a gale more strain.
 //!
 //! The coarse edges carry nearly all of the load, along a polygon of a few straight chords, and each aggregate is pushed sideways as
 //! a block. So hung cloth swings like a chain of that many beads, and the steps between the blocks take the energy of its swings. At 5
@@ -62,7 +68,7 @@
 //! bound on the tension beyond which the chords take the rest. It would double the cost of a substep.
 //!
 //! Blocks also leave the fine edges stretched where two of them meet and slack within, so that they contract the cloth unevenly across
-//! the load. A cotton curtain of 1 m by 2.4 m with 21 by 49 vertices gets wrinkles along its sides (XX mm at 5 substeps, 11 mm at 20, none
+//! the load. A cotton curtain of 1 m by 2.4 m with 21 by 49 vertices gets wrinkles along its sides (18 mm at 5 substeps, 11 mm at 20, none
 //! without levels). Two or four sweeps over the coarse edges halve them. So a bound on strain takes more substeps instead where limp cloth
 //! hangs and 32 bear its weight (`Deformer::trades_levels`).
 //!
