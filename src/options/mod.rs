@@ -111,8 +111,8 @@ pub enum Method {
 ///
 /// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack: small swings are
 /// damped, the second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more, a curtain with
-/// bending stiffness gets wrinkles of a centimeter or two, and soft cloth is rolled up by a light wind from the side. Where that matters,
-/// turn them [`Off`](Levels::Off) and take more substeps.
+/// bending stiffness gets wrinkles of a centimeter or two, and soft cloth, and fine cloth with too few of its levels, is rolled up by a
+/// light wind from the side. Where that matters, turn them [`Off`](Levels::Off) and take more substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {
