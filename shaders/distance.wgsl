@@ -45,6 +45,15 @@ fn relax_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * l) - 1.0));
 }
 
+// The impulse of a coarse edge that only pulls.
+fn pull_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    let d = d0 + du;
+    if dot(d, d) * edge.inverse_rest * edge.inverse_rest <= 1.0 {
+        return vec3f();
+    }
+    return project_edge(d0, du, edge);
+}
+
 // The impulse of a coarse edge whose ends were predicted to move apart by `predicted`: it pulls, and undoes what other
 // corrections shorten it by while it is hardly slack.
 fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
@@ -77,8 +86,14 @@ fn hold_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return project_edge(d0, du, edge) * (left * left);
 }
 
+const PULL_COARSE: u32 = 0u;
+const HOLD_COARSE: u32 = 1u;
+
 fn coarse_impulse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
-    if params.holds != 0u {
+    if params.coarse_rule == PULL_COARSE {
+        return pull_coarse(d0, du, edge);
+    }
+    if params.coarse_rule == HOLD_COARSE {
         return hold_coarse(d0, du, edge);
     }
     return project_coarse(d0, du, predicted, edge);

@@ -19,7 +19,7 @@ struct Params {
     relaxed: u32,
     levels: u32,
     drift: vec3f,
-    holds: u32,
+    coarse_rule: u32,
     edges: u32,
     per_length: f32,
     per_mass: f32,

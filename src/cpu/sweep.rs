@@ -4,6 +4,7 @@ use crate::cpu::edge_batches::{EdgeBatch, EdgeBatches, Ends};
 use crate::cpu::tasks::shared::View;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::distance::{self, EdgeCorrection};
+use crate::kernels::params;
 use crate::options::Method;
 use crate::simd::{self, Loop, Registers, Vector, Width};
 use crate::step::plan::Plan;
@@ -13,6 +14,8 @@ use crate::step::plan::Plan;
 pub(crate) enum Rule {
     /// [`distance::project_edge`].
     Project,
+    /// [`distance::pull_coarse`].
+    PullCoarse,
     /// [`distance::project_coarse`].
     ProjectCoarse,
     /// [`distance::hold_coarse`].
@@ -33,11 +36,16 @@ impl Rule {
 
     /// How coarse edges are corrected.
     pub(crate) fn of_levels(plan: &Plan<'_>) -> Rule {
-        if plan.holds() { Rule::HoldCoarse } else { Rule::ProjectCoarse }
+        match plan.params.coarse_rule {
+            params::PULL_COARSE => Rule::PullCoarse,
+            params::HOLD_COARSE => Rule::HoldCoarse,
+            _ => Rule::ProjectCoarse,
+        }
     }
 }
 
 const PROJECT: u8 = Rule::Project as u8;
+const PULL_COARSE: u8 = Rule::PullCoarse as u8;
 const PROJECT_COARSE: u8 = Rule::ProjectCoarse as u8;
 const HOLD_COARSE: u8 = Rule::HoldCoarse as u8;
 const RELAX: u8 = Rule::Relax as u8;
@@ -71,6 +79,7 @@ impl Loop for SweepRows<'_> {
     fn run<L: Registers>(self) {
         match self.rule {
             Rule::Project => self.rows::<L, PROJECT>(),
+            Rule::PullCoarse => self.rows::<L, PULL_COARSE>(),
             Rule::ProjectCoarse => self.rows::<L, PROJECT_COARSE>(),
             Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(),
             Rule::Relax => self.rows::<L, RELAX>(),
@@ -175,6 +184,7 @@ struct Apart<L> {
 fn rule<L: Registers, const RULE: u8>(Apart { d0, du, predicted }: Apart<L>, inverse_rest: L) -> EdgeCorrection<L> {
     match RULE {
         PROJECT => distance::project_edge(d0, du, inverse_rest),
+        PULL_COARSE => distance::pull_coarse(d0, du, inverse_rest),
         PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest),
         HOLD_COARSE => distance::hold_coarse(d0, du, inverse_rest),
         _ => distance::relax_edge(d0, du, inverse_rest),

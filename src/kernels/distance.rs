@@ -60,14 +60,27 @@ pub(crate) fn project_edge<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest:
     correct(lengths, excess_length(lengths.r), [d0, du], inverse_rest)
 }
 
-/// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m). It only pulls, because the centers of
-/// aggregates may come arbitrarily close. But what other corrections shorten it below the predicted length it undoes, the less the more
-/// slack it is, and nothing from [`SLACK_BAND`] on.
+/// The correction of a coarse edge that only pulls: the centers of aggregates may come arbitrarily close. For cloth without pins.
+#[inline(always)]
+pub(crate) fn pull_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
+    let mut lengths = Lengths::new(d0, du, inverse_rest);
+    let is_slack = lengths.r.lt(L::splat(0.0));
+    // Without a correction the direction is irrelevant, and the path with a root is not needed.
+    lengths.at_start = L::or(lengths.at_start, is_slack);
+    let mut correction = correct(lengths, excess_length(lengths.r), [d0, du], inverse_rest);
+    correction.scale = L::select(is_slack, L::splat(0.0), correction.scale);
+    correction
+}
+
+/// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m), in cloth with pins and bending stiffness. It
+/// pulls, and what other corrections shorten it below the predicted length it undoes, the less the more slack it is, and nothing from
+/// [`SLACK_BAND`] on.
 ///
 /// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
 /// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that a
 /// breeze rolls up cloth. A push from a fixed length would resist bending, which shortens the chord between two aggregates; the
-/// predicted length follows the bend.
+/// predicted length follows the bend. Cloth that does not hang has no such load, and this would keep it moving where it has crumpled on a
+/// floor (`crumpled_cloth_comes_to_rest_at_few_substeps`).
 #[inline(always)]
 pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, predicted: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));

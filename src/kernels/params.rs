@@ -37,8 +37,8 @@ pub(crate) struct Params {
     pub levels: u32,
     /// Mean displacement (m) of the pins in a substep.
     pub drift: [f32; 3],
-    /// 1 if coarse edges also push (`distance::hold_coarse`).
-    pub holds: u32,
+    /// How coarse edges are corrected: [`PULL_COARSE`], [`HOLD_COARSE`] or [`PROJECT_COARSE`].
+    pub coarse_rule: u32,
     /// Number of edges that are swept.
     pub edges: u32,
     /// Bounds of the instability watch (`kernels::watch`). One over the displacement (m) in a substep at the greatest
@@ -60,6 +60,11 @@ pub(crate) struct Params {
     pub up: [f32; 3],
     pub padding: u32,
 }
+
+/// Values of [`Params::coarse_rule`], named after the functions of `kernels::distance`.
+pub(crate) const PULL_COARSE: u32 = 0;
+pub(crate) const HOLD_COARSE: u32 = 1;
+pub(crate) const PROJECT_COARSE: u32 = 2;
 
 /// Parameters that differ between substeps.
 #[repr(C)]

@@ -8,7 +8,7 @@ use crate::attributes::{Attributes, Shape};
 use crate::kernels::contact::Body;
 use crate::kernels::contact::near::Clear;
 use crate::kernels::integrate::Pin;
-use crate::kernels::params::{Params, Substep};
+use crate::kernels::params::{HOLD_COARSE, PROJECT_COARSE, PULL_COARSE, Params, Substep};
 use crate::kernels::statistics::StrainGauge;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
@@ -137,8 +137,12 @@ impl StepInputs<'_> {
             },
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
             levels: coefficients.levels.len() as u32,
-            // A chain has no width across which coarse edges could pull it together.
-            holds: u32::from(!self.bends() && cloth.is_sheet),
+            // A chain has no width across which coarse edges could pull it together, and cloth without pins does not hang.
+            coarse_rule: match (self.bends(), cloth.is_sheet) {
+                (false, true) => HOLD_COARSE,
+                (true, true) if cloth.has_pins() => PROJECT_COARSE,
+                _ => PULL_COARSE,
+            },
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
             drift: drift.to_array(),
@@ -255,11 +259,6 @@ impl<'a> Plan<'a> {
     #[cfg(feature = "gpu")]
     pub(crate) fn forces_read_velocities(&self) -> bool {
         self.air || self.bending && self.damped()
-    }
-
-    /// Whether coarse edges also push (`distance::hold_coarse`).
-    pub(crate) fn holds(&self) -> bool {
-        self.params.holds != 0
     }
 
     /// Whether bending is damped.

@@ -31,6 +31,10 @@ pub fn project_edge(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32
     }
 }
 
+pub fn pull_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
+    if (d0 + du).length() * inverse_rest <= 1.0 { Vec3A::ZERO } else { project_edge(d0, du, inverse_rest, inverse_weight) }
+}
+
 /// The same for a coarse edge whose ends were predicted to move apart by `predicted`.
 pub fn project_coarse(d0: Vec3A, du: Vec3A, predicted: Vec3A, inverse_rest: f32, inverse_weight: f32) -> Vec3A {
     if (d0 + du).length() * inverse_rest >= 1.0 {

@@ -44,7 +44,7 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, holds, edges, per_length, per_mass, longest_edge, tethers, load, checks, used, up, padding }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, coarse_rule, edges, per_length, per_mass, longest_edge, tethers, load, checks, used, up, padding }),
         layout!(Substep { carry, gain, rate, start, end }),
         layout!(Defects { lost, long, fast, energy, hot, stopped, steps }),
         layout!(Span { start, end }),
@@ -129,6 +129,8 @@ const ALONE: [&str; 31] = [
 fn constants() -> Vec<(&'static str, Literal)> {
     let mut all = vec![
         ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
+        ("PULL_COARSE", Literal::U32(crate::kernels::params::PULL_COARSE)),
+        ("HOLD_COARSE", Literal::U32(crate::kernels::params::HOLD_COARSE)),
         ("TAUT_BAND", Literal::F32(crate::kernels::distance::TAUT_BAND)),
         ("SLACK_BAND", Literal::F32(crate::kernels::distance::SLACK_BAND)),
         ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
