@@ -26,8 +26,8 @@ pub(crate) const STRETCH_GUARD: f32 = 0.44;
 /// and pushes less the closer it is to that limit.
 pub(crate) const TAUT_BAND: f32 = 6.5e-4;
 /// With [`project_coarse`], a coarse edge whose squared length is below the rest value by this share is slack, and may be shortened
-/// further: folds form there. Within the band cloth does not roll up; a wider one would flatten the wrinkles of a drape
-/// (`wrinkles_are_not_ironed`).
+/// further: folds form there. Within the band cloth does not roll up; a wider one would flatten folds, and stretch a flag in a gale more
+/// (`a_flag_in_a_gale_stays_a_flag`).
 pub(crate) const SLACK_BAND: f32 = 0.012;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;

@@ -51,8 +51,9 @@
 //!   flattens wrinkles shallower than 3 %, and costs a tenth more error at 40 substeps and nothing from 80 on.
 //! - That resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) would sag by .4 to .7 of its reach instead of
 //!   5.9. So with bending stiffness they undo what other corrections shorten them by, and resist no bend that was predicted
-//!   (`distance::project_coarse`), if the cloth has pins; otherwise it does not hang, and they only pull. Without a limit they would leave a drape 9.6 m of folds instead of 11.8, with theirs 11.3, and if they
-//!   only pull 11.2. With the same rule, a sheet without bending stiffness would have a fifth to two fifths more mean strain while it swings.
+//!   (`distance::project_coarse`), if the cloth has pins; otherwise it does not hang, and they only pull. With the same rule, without a
+//!   limit, a drape without pins would have 9.6 m of folds instead of 11.8, with the limit 11.3, and has 11.2; and a sheet without bending
+//!   stiffness would have a fifth to two fifths more mean strain while it swings.
 //! - Soft coarse edges push as little as they pull, so soft cloth is still rolled up (jersey, to a quarter of its width at 5 substeps).
 //!   If they pushed up to fifty times as hard, in a band of 5 %, that would be cured from 10 substeps on, but a drape would have 11.0 m of
 //!   folds, and a flag in a gale more strain.
