@@ -408,7 +408,7 @@ fn a_breeze_does_not_roll_up_what_hangs() {
         println!("{substeps} substeps with levels: {hem} m, {out} m out of its plane");
         assert!((hem - 0.5).abs() < 0.01 && (out / right[1] - 1.0).abs() < 0.1, "{substeps} substeps: {hem} m, {out} m");
     }
-    let [hem, out] = hung([96, 128], [0.75, 1.0], 200, Quality::default(), Levels::Auto, &breeze(0.6));
+    let [hem, out] = hung([96, 128], [0.75, 1.0], 600, Quality::default(), Levels::Auto, &breeze(0.6));
     println!("12288 vertices: {hem} m, {out} m out of its plane");
     assert!((hem - 0.75).abs() < 0.0075, "12288 vertices: {hem} m");
 }
