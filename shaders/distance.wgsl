@@ -10,7 +10,6 @@ struct Edge {
 const TURN_GUARD: f32 = 0.5;
 const STRETCH_GUARD: f32 = 0.44;
 const TAUT_BAND: f32 = 6.5e-4;
-const SLACK_BAND: f32 = 0.012;
 // Lower bound of lengths [m] that are used as divisors.
 const MIN_LENGTH: f32 = 1e-12;
 
@@ -68,7 +67,7 @@ fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
     let c = dot(d0, d) * inverse_square;
     let r0 = dot(d0, d0) * inverse_square - 1.0;
     if r < before && c > TURN_GUARD && abs(r) < STRETCH_GUARD && abs(r0) < STRETCH_GUARD {
-        let left = max(1.0 + before * (1.0 / SLACK_BAND), 0.0);
+        let left = max(1.0 + before * params.per_slack, 0.0);
         let push = (excess_length(r) - excess_length(before)) * left;
         return d0 * (-edge.inverse_weight * inverse_length(r0) * push);
     }

@@ -29,7 +29,7 @@ struct Params {
     checks: u32,
     used: u32,
     up: vec3f,
-    padding: u32,
+    per_slack: f32,
 }
 
 struct Substep {

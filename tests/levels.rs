@@ -408,9 +408,12 @@ fn a_breeze_does_not_roll_up_what_hangs() {
         println!("{substeps} substeps with levels: {hem} m, {out} m out of its plane");
         assert!((hem - 0.5).abs() < 0.01 && (out / right[1] - 1.0).abs() < 0.1, "{substeps} substeps: {hem} m, {out} m");
     }
-    let [hem, out] = hung([96, 128], [0.75, 1.0], 600, Quality::default(), Levels::Auto, &breeze(0.6));
-    println!("12288 vertices: {hem} m, {out} m out of its plane");
-    assert!((hem - 0.75).abs() < 0.0075, "12288 vertices: {hem} m");
+    // A GPU uses only the finest level by default.
+    for (levels, frames, least) in [(Levels::Auto, 600, 0.7425), (Levels::Count(1), 300, 0.735)] {
+        let [hem, out] = hung([96, 128], [0.75, 1.0], frames, Quality::default(), levels, &breeze(0.6));
+        println!("12288 vertices, {levels:?}: {hem} m, {out} m out of its plane");
+        assert!((least..0.7575).contains(&hem), "12288 vertices, {levels:?}: {hem} m");
+    }
 }
 
 /// A curtain that nothing moves stays flat by default. With levels and few substeps it gets wrinkles: the fine edges, all whose

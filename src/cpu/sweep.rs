@@ -17,7 +17,7 @@ pub(crate) enum Rule {
     /// [`distance::pull_coarse`].
     PullCoarse,
     /// [`distance::project_coarse`].
-    ProjectCoarse,
+    ProjectCoarse { per_slack: f32 },
     /// [`distance::hold_coarse`].
     HoldCoarse,
     /// [`distance::relax_edge`].
@@ -39,16 +39,16 @@ impl Rule {
         match plan.params.coarse_rule {
             params::PULL_COARSE => Rule::PullCoarse,
             params::HOLD_COARSE => Rule::HoldCoarse,
-            _ => Rule::ProjectCoarse,
+            _ => Rule::ProjectCoarse { per_slack: plan.params.per_slack },
         }
     }
 }
 
-const PROJECT: u8 = Rule::Project as u8;
-const PULL_COARSE: u8 = Rule::PullCoarse as u8;
-const PROJECT_COARSE: u8 = Rule::ProjectCoarse as u8;
-const HOLD_COARSE: u8 = Rule::HoldCoarse as u8;
-const RELAX: u8 = Rule::Relax as u8;
+const PROJECT: u8 = 0;
+const PULL_COARSE: u8 = 1;
+const PROJECT_COARSE: u8 = 2;
+const HOLD_COARSE: u8 = 3;
+const RELAX: u8 = 4;
 
 /// Corrects the edges of one piece, in their packed order. Coarse edges that undo what others shorten them by also read what was
 /// `predicted` for `u`.
@@ -78,18 +78,18 @@ impl Loop for SweepRows<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         match self.rule {
-            Rule::Project => self.rows::<L, PROJECT>(),
-            Rule::PullCoarse => self.rows::<L, PULL_COARSE>(),
-            Rule::ProjectCoarse => self.rows::<L, PROJECT_COARSE>(),
-            Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(),
-            Rule::Relax => self.rows::<L, RELAX>(),
+            Rule::Project => self.rows::<L, PROJECT>(0.0),
+            Rule::PullCoarse => self.rows::<L, PULL_COARSE>(0.0),
+            Rule::ProjectCoarse { per_slack } => self.rows::<L, PROJECT_COARSE>(per_slack),
+            Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(0.0),
+            Rule::Relax => self.rows::<L, RELAX>(0.0),
         }
     }
 }
 
 impl SweepRows<'_> {
     #[inline(always)]
-    fn rows<L: Registers, const RULE: u8>(self) {
+    fn rows<L: Registers, const RULE: u8>(self, per_slack: f32) {
         let SweepRows { batch: EdgeBatch { ends, factors, at, mut first }, x, u, predicted, .. } = self;
         // These are plain loops because a closure passed to an iterator is compiled without the instruction set that is
         // enabled for this function.
@@ -99,7 +99,7 @@ impl SweepRows<'_> {
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     let (a, b) = (first, first + 1);
                     correct::<L, RULE, false>(
-                        factors,
+                        (factors, per_slack),
                         (x.row(a), x.row(b)),
                         (u.row(a), u.row(b)),
                         (predicted.row(a), predicted.row(b)),
@@ -110,7 +110,7 @@ impl SweepRows<'_> {
             Ends::Pairs => {
                 let (x, u, predicted) = (x.rows::<L, 2>(&at.pairs), u.rows::<L, 2>(&at.pairs), predicted.rows::<L, 2>(&at.pairs));
                 for factors in factors.chunks_exact(3 * L::LANES) {
-                    correct::<L, RULE, false>(factors, x.row(first), u.row(first), predicted.row(first));
+                    correct::<L, RULE, false>((factors, per_slack), x.row(first), u.row(first), predicted.row(first));
                     first += 1;
                 }
             }
@@ -119,7 +119,7 @@ impl SweepRows<'_> {
                 for factors in factors.chunks_exact(3 * L::LANES) {
                     let (a, b) = (first, first + L::LANES);
                     correct::<L, RULE, true>(
-                        factors,
+                        (factors, per_slack),
                         (x.row::<L>(a), x.row::<L>(b)),
                         (u.row::<L>(a), u.row::<L>(b)),
                         (predicted.row::<L>(a), predicted.row::<L>(b)),
@@ -137,7 +137,7 @@ impl SweepRows<'_> {
 /// rule. The correction is then applied by one instruction to the vectors of several edges.
 #[inline(always)]
 fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
-    factors: &[f32],
+    (factors, per_slack): (&[f32], f32),
     x: impl Four<[L; 2]>,
     u: impl Four<[L; 2]>,
     predicted: impl Four<[L; 2]>,
@@ -154,7 +154,7 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
             dp[k] = p_a - p_b;
         }
     }
-    let apart = Apart { d0: L::transpose(d0), du: L::transpose(du), predicted: L::transpose(dp) };
+    let apart = Apart { d0: L::transpose(d0), du: L::transpose(du), predicted: L::transpose(dp), per_slack };
     let EdgeCorrection { scale, at_start } = rule::<L, RULE>(apart, inverse_rest);
     if RULE == RELAX || !L::all(at_start) {
         let at_start = L::spread_mask(at_start);
@@ -178,14 +178,15 @@ struct Apart<L> {
     d0: Vector<L>,
     du: Vector<L>,
     predicted: Vector<L>,
+    per_slack: f32,
 }
 
 #[inline(always)]
-fn rule<L: Registers, const RULE: u8>(Apart { d0, du, predicted }: Apart<L>, inverse_rest: L) -> EdgeCorrection<L> {
+fn rule<L: Registers, const RULE: u8>(Apart { d0, du, predicted, per_slack }: Apart<L>, inverse_rest: L) -> EdgeCorrection<L> {
     match RULE {
         PROJECT => distance::project_edge(d0, du, inverse_rest),
         PULL_COARSE => distance::pull_coarse(d0, du, inverse_rest),
-        PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest),
+        PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest, per_slack),
         HOLD_COARSE => distance::hold_coarse(d0, du, inverse_rest),
         _ => distance::relax_edge(d0, du, inverse_rest),
     }

@@ -26,9 +26,10 @@ pub(crate) const STRETCH_GUARD: f32 = 0.44;
 /// and pushes less the closer it is to that limit.
 pub(crate) const TAUT_BAND: f32 = 6.5e-4;
 /// With [`project_coarse`], a coarse edge whose squared length is below the rest value by this share is slack, and may be shortened
-/// further: folds form there. Within the band cloth does not roll up; a wider one would flatten folds, and stretch a flag in a gale more
-/// (`a_flag_in_a_gale_stays_a_flag`).
+/// further: folds form there. Within the band cloth does not roll up. With all levels a wider one would stretch a flag in a gale more
+/// (`a_flag_in_a_gale_stays_a_flag`). If the coarser levels, whose edges span the cloth, are not in use, the finest ones need a wider one.
 pub(crate) const SLACK_BAND: f32 = 0.012;
+pub(crate) const SLACK_BAND_OF_FEW: f32 = 0.05;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;
 
@@ -74,7 +75,7 @@ pub(crate) fn pull_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
 
 /// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m), in cloth with pins and bending stiffness. It
 /// pulls, and what other corrections shorten it below the predicted length it undoes, the less the more slack it is, and nothing from
-/// [`SLACK_BAND`] on.
+/// `1/per_slack` on ([`SLACK_BAND`]).
 ///
 /// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
 /// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that a
@@ -82,10 +83,16 @@ pub(crate) fn pull_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
 /// predicted length follows the bend. Cloth that does not hang has no such load, and this would keep it moving where it has crumpled on a
 /// floor (`crumpled_cloth_comes_to_rest_at_few_substeps`).
 #[inline(always)]
-pub(crate) fn project_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, predicted: Vector<L>, inverse_rest: L) -> EdgeCorrection<L> {
+pub(crate) fn project_coarse<L: Lanes>(
+    d0: Vector<L>,
+    du: Vector<L>,
+    predicted: Vector<L>,
+    inverse_rest: L,
+    per_slack: f32,
+) -> EdgeCorrection<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let before = relative_excess(d0 + predicted, inverse_rest).min(zero);
-    let left = before.mul_add(L::splat(1.0 / SLACK_BAND), one).max(zero);
+    let left = before.mul_add(L::splat(per_slack), one).max(zero);
     let mut lengths = Lengths::new(d0, du, inverse_rest);
     let r = lengths.r;
     let (is_slack, pushes) = (r.lt(zero), L::and(lengths.at_start, r.lt(before)));

@@ -58,7 +58,8 @@ pub(crate) struct Params {
     pub used: u32,
     /// The unit vector opposite to gravity; 0 without gravity.
     pub up: [f32; 3],
-    pub padding: u32,
+    /// One over the band in which coarse edges push with [`PROJECT_COARSE`] (`kernels::distance::SLACK_BAND`).
+    pub per_slack: f32,
 }
 
 /// Values of [`Params::coarse_rule`], named after the functions of `kernels::distance`.

@@ -57,8 +57,9 @@
 //! - Soft coarse edges push as little as they pull, so soft cloth is still rolled up (jersey, to a quarter of its width at 5 substeps).
 //!   If they pushed up to fifty times as hard, in a band of 5 %, that would be cured from 10 substeps on, but a drape would have 11.0 m of
 //!   folds, and a flag in a gale more strain.
-//! - It takes all levels. With the finest one or two of three, a panel of .75 m by 1 m with 96 by 128 vertices is rolled up to .60 m, and by
-//!   default on an H200, with the finest alone, to .18 m (in a band of 5 % to .74 m).
+//! - Without the coarser levels, whose edges span the cloth, the finest ones need a wider band: .05 instead of .012 of the squared length
+//!   (`distance::SLACK_BAND_OF_FEW`). In the narrow one a panel of .75 m by 1 m with 96 by 128 vertices would be rolled up to .60 m, and by
+//!   default on an H200, with the finest level alone, to .18 m.
 //!
 //! The coarse edges carry nearly all of the load, along a polygon of a few straight chords, and each aggregate is pushed sideways as
 //! a block. So hung cloth swings like a chain of that many beads, and the steps between the blocks take the energy of its swings. At 5

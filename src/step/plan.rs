@@ -7,6 +7,7 @@ use glam::Vec3;
 use crate::attributes::{Attributes, Shape};
 use crate::kernels::contact::Body;
 use crate::kernels::contact::near::Clear;
+use crate::kernels::distance::{SLACK_BAND, SLACK_BAND_OF_FEW};
 use crate::kernels::integrate::Pin;
 use crate::kernels::params::{HOLD_COARSE, PROJECT_COARSE, PULL_COARSE, Params, Substep};
 use crate::kernels::statistics::StrainGauge;
@@ -143,6 +144,7 @@ impl StepInputs<'_> {
                 (true, true) if cloth.has_pins() => PROJECT_COARSE,
                 _ => PULL_COARSE,
             },
+            per_slack: 1.0 / if coefficients.levels.len() < self.levels.len() { SLACK_BAND_OF_FEW } else { SLACK_BAND },
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
             drift: drift.to_array(),

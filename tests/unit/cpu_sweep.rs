@@ -20,7 +20,9 @@ fn swept_plainly(x: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<
     let impulse = |d0: Vec3A, du: Vec3A, predicted: Vec3A, Edge { inverse_rest, inverse_weight, .. }| match rule {
         Rule::Project => oracle::project_edge(d0, du, inverse_rest, inverse_weight),
         Rule::PullCoarse => oracle::pull_coarse(d0, du, inverse_rest, inverse_weight),
-        Rule::ProjectCoarse => oracle::project_coarse(d0, du, predicted, inverse_rest, inverse_weight),
+        Rule::ProjectCoarse { per_slack } => {
+            oracle::project_coarse(d0, du, predicted, [inverse_rest, inverse_weight, 1.0 / per_slack])
+        }
         Rule::HoldCoarse => oracle::hold_coarse(d0, du, inverse_rest, inverse_weight),
         Rule::Relax => oracle::relax_edge(d0, du, inverse_rest, inverse_weight),
     };
@@ -81,7 +83,7 @@ fn sweeps_as_the_oracle_does(mut mesh: Mesh) {
         // Some edges are already stretched by several percent at the substep's start.
         let x: Vec<Vec4> = cloth.rest.iter().map(|x| *x + vector(0.0015).extend(0.0)).collect();
         let start: Vec<Vec4> = cloth.rest.iter().map(|x| vector(if x.w > 0.0 { size } else { 0.0 }).extend(0.0)).collect();
-        for rule in [Rule::Project, Rule::PullCoarse, Rule::ProjectCoarse, Rule::HoldCoarse, Rule::Relax] {
+        for rule in [Rule::Project, Rule::PullCoarse, Rule::ProjectCoarse { per_slack: 80.0 }, Rule::HoldCoarse, Rule::Relax] {
             let visits: Vec<Edge> = cloth.visits().into_iter().flat_map(|color| &edges[color]).copied().collect();
             let plain = swept_plainly(&x, &visits, &start, rule);
             let moved = plain.iter().zip(&start).map(|(u, start)| (u - start).truncate().length()).fold(0.0, f32::max);

@@ -44,7 +44,7 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, coarse_rule, edges, per_length, per_mass, longest_edge, tethers, load, checks, used, up, padding }),
+        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, coarse_rule, edges, per_length, per_mass, longest_edge, tethers, load, checks, used, up, per_slack }),
         layout!(Substep { carry, gain, rate, start, end }),
         layout!(Defects { lost, long, fast, energy, hot, stopped, steps }),
         layout!(Span { start, end }),
@@ -132,7 +132,6 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("PULL_COARSE", Literal::U32(crate::kernels::params::PULL_COARSE)),
         ("HOLD_COARSE", Literal::U32(crate::kernels::params::HOLD_COARSE)),
         ("TAUT_BAND", Literal::F32(crate::kernels::distance::TAUT_BAND)),
-        ("SLACK_BAND", Literal::F32(crate::kernels::distance::SLACK_BAND)),
         ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
         ("MIN_LENGTH", Literal::F32(crate::kernels::distance::MIN_LENGTH)),
         ("TETHER_TURN_GUARD", Literal::F32(crate::kernels::tether::TETHER_TURN_GUARD)),
