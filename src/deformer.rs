@@ -12,6 +12,7 @@ mod forecast;
 mod imperfection;
 mod measure;
 mod quality;
+mod rejection;
 mod sleep;
 mod snapshot;
 mod state;
@@ -186,7 +187,7 @@ impl Deformer {
         if let (Some(start), Ok(_)) = (start, &stepped) {
             self.state.pace.note(start.elapsed().as_secs_f64(), decision.substeps);
         }
-        self.finish(stepped, &decision, attributes)
+        self.accept(stepped, decision, attributes, alone)
     }
 
     /// Advances several cloths by `dt` (s), each with its own attributes:
@@ -229,7 +230,7 @@ impl Deformer {
         let mut stepped = Engine::step_all(plans.collect()).into_iter();
         let each = crowd.into_iter().zip(prepared);
         each.map(|((one, attributes), prepared)| match prepared? {
-            Some(decision) => one.finish(stepped.next().unwrap_or(Ok(None)), &decision, attributes),
+            Some(decision) => one.accept(stepped.next().unwrap_or(Ok(None)), decision, attributes, false),
             None => Ok(idle(dt)),
         })
         .collect()
@@ -248,13 +249,18 @@ impl Deformer {
         let mut decision = self.decide(dt, attributes)?;
         self.make_imperfect(attributes.gravity);
         decision.looks = self.let_buckle(attributes)?;
+        self.set_coefficients(&decision);
+        Ok(Some(decision))
+    }
+
+    /// Computes the coefficients of a step, unless they are those of the last.
+    fn set_coefficients(&mut self, decision: &StepDecision) {
         let (length, levels) = (decision.expected.length, decision.levels as usize);
         if self.coefficients.as_ref().is_none_or(|last| last.length != length || self.levels_asked != levels) {
             self.hierarchy.build(&self.cloth, levels);
             self.coefficients = Some(Coefficients::new(&self.cloth, self.hierarchy.finest(levels), &self.options, length));
             self.levels_asked = levels;
         }
-        Ok(Some(decision))
     }
 
     /// The engine and the plan that it is to execute.
@@ -263,6 +269,7 @@ impl Deformer {
         let inputs = StepInputs {
             cloth: &self.cloth,
             levels: &self.hierarchy.levels,
+            lacks_levels: decision.lacks_levels,
             options: &self.options,
             coefficients,
             motion: &self.state.motion,

@@ -15,7 +15,7 @@ use cloth_deformer::{
 use common::energy::{energy, masses};
 use common::meshes;
 use common::shapes::tube;
-use common::{FRAME, rms, top};
+use common::{FRAME, bits, rms, top};
 
 on_every_backend!(
     reports_are_of_the_motion,
@@ -671,6 +671,48 @@ fn cloth_that_falls_on_something_is_ready_for_it() {
     }
 }
 
+/// A sheet is swung up by its pins, which stop, until its hem hits its upper part. Nothing told that in advance: without steps that are
+/// rejected it was stretched by 11 %, and by the substeps that followed it gained 1.4 J/kg at once. The substeps that were taken repeat
+/// the motion.
+#[test]
+fn cloth_that_hits_itself_gains_no_energy() {
+    let mut mesh = Mesh::grid(33, 41, 0.8, 1.0);
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, -x.z, 0.0));
+    let options = Options {
+        backend: Backend::Cpu,
+        fabric: Fabric::COTTON,
+        pinned: (0..33).collect(),
+        contact: Some(Contact::default()),
+        ..Options::default()
+    };
+    let led = |frame: u32| {
+        let part = (2.0 * frame as f32 * FRAME - 1.0).clamp(0.0, 1.0);
+        let way = Vec3::Z * 1.5 * part * part * (3.0 - 2.0 * part);
+        Attributes { pin_targets: Some(mesh.positions[..33].iter().map(|&x| x + way).collect()), ..Attributes::default() }
+    };
+    let mut cloth = Deformer::new(&mesh, options.clone()).unwrap();
+    let (mut taken, mut lowest, mut gained, mut worst) = (Vec::new(), f32::INFINITY, 0.0_f32, 0.0_f32);
+    for frame in 1..=80 {
+        let report = cloth.step(FRAME, &led(frame)).unwrap();
+        assert_eq!(report.levels, 0);
+        taken.push(report.in_a_sixtieth);
+        worst = worst.max(report.stretch.unwrap().share);
+        if frame > 60 {
+            let (x, v) = (cloth.positions().unwrap().to_vec(), cloth.velocities().unwrap());
+            let energy = x.iter().zip(v).map(|(x, v)| 0.5 * v.length_squared() + 9.81 * x.y).sum::<f32>() / x.len() as f32;
+            (lowest, gained) = (lowest.min(energy), gained.max(energy - lowest));
+        }
+    }
+    println!("stretched by {worst}, gained {gained} J/kg, {taken:?}");
+    assert!(worst < 0.032 && gained < 0.5, "stretched by {worst}, gained {gained} J/kg");
+    let mut again = Deformer::new(&mesh, Options { levels: Levels::Off, ..options }).unwrap();
+    for (frame, &count) in (1..).zip(&taken) {
+        again.set_quality(Quality::Substeps(count)).unwrap();
+        again.step(FRAME, &led(frame)).unwrap();
+    }
+    assert!(bits(&mut again) == bits(&mut cloth), "the substeps that were taken do not repeat the motion");
+}
+
 /// Each sweep of relaxation passes a pull on by one edge.
 #[test]
 fn sweeps_carry_a_pin() {
@@ -834,17 +876,17 @@ fn soft_cloth_that_lone_pins_stretch_is_not_blamed() {
     }
 }
 
-/// A sheet is held between two edges that are led apart: by as much as a garment may be too narrow, which is said while it is measured,
-/// and by more, which is said in every step.
+/// A sheet is held between two edges that are led apart: slowly by as much as a garment may be too narrow, which is its own stretch; by
+/// more, which is said in every step; and by a tenth of a second's worth at once, which is said until it turns out to be held.
 #[test]
 fn what_stays_held_far_stretched_is_always_said() {
     let mesh = Mesh::grid(9, 9, 0.5, 0.5);
     let pinned: Vec<u32> = (0..81).filter(|v| v % 9 == 0 || v % 9 == 8).collect();
-    for (apart, expected) in [(0.06, 0), (0.3, 60)] {
+    for (apart, frames, expected) in [(0.06, 120, 0), (0.3, 120, 60), (0.06, 6, 0)] {
         let options = Options { backend: Backend::Cpu, pinned: pinned.clone(), ..Options::default() };
         let mut sheet = Deformer::new(&mesh, options).unwrap();
         let step = |frame: u32| {
-            let by = 0.5 * apart * frame.min(120) as f32 / 120.0;
+            let by = 0.5 * apart * frame.min(frames) as f32 / frames as f32;
             let led = |&pin: &u32| mesh.positions[pin as usize] + Vec3::X * if pin % 9 == 8 { by } else { 0.0 };
             let pin_targets = Some(pinned.iter().map(led).collect());
             let report = sheet.step(FRAME, &Attributes { pin_targets, damping: 4.0, ..Attributes::default() }).unwrap();
@@ -852,7 +894,7 @@ fn what_stays_held_far_stretched_is_always_said() {
         };
         let missed: Vec<bool> = (0..300).map(step).collect();
         let said = missed[240..].iter().filter(|&&missed| missed).count();
-        assert!(missed[..240].contains(&true), "stretched by {apart}");
+        assert_eq!(missed[..240].contains(&true), apart > 0.1 || frames < 10, "stretched by {apart}");
         assert_eq!(said, expected, "stretched by {apart}");
     }
 }

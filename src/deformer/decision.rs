@@ -38,6 +38,8 @@ pub(super) struct StepDecision {
     pub(super) substeps: u32,
     /// Number of coarse levels to ask for.
     pub(super) levels: u32,
+    /// Whether these are fewer than carry the load.
+    pub(super) lacks_levels: bool,
     /// What moves fastest in the step, and the bounds that its result is checked with.
     pub(super) fastest: Fastest,
     pub(super) bounds: Bounds,
@@ -77,12 +79,24 @@ impl Deformer {
         let levels = self.rates.levels(&self.cloth, &self.options, length, load.lasting_pressure, before);
         let controller = controller.with_levels(levels);
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
+        let lacks_levels = (levels as usize) < self.rates.fewest_levels(&self.cloth, length);
         let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, length);
         let is_observed = self.is_observed(attributes);
         let expected = Expectation { dt, load, length, has_contact, trades_levels };
         let looks = Looks::default();
-        Ok(StepDecision { expected, controller, substep_rate, substeps, levels, fastest, bounds, is_observed, looks })
+        Ok(StepDecision {
+            expected,
+            controller,
+            substep_rate,
+            substeps,
+            levels,
+            lacks_levels,
+            fastest,
+            bounds,
+            is_observed,
+            looks,
+        })
     }
 
     /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.

@@ -189,7 +189,7 @@ impl Deformer {
     }
 
     /// What holds the cloth in a way that stretches it about as much with more substeps.
-    fn holds(&self, strain_bound: StrainBound, warnings: &[Warning]) -> Option<Cause> {
+    pub(super) fn holds(&self, strain_bound: StrainBound, warnings: &[Warning]) -> Option<Cause> {
         let is_crossed = |warning: &Warning| matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. });
         let squeezed = self.engine.contact().map_or(0, |tally| tally.squeezed);
         // Fewer do not matter for the share of the area whose stretch is bounded.
@@ -199,7 +199,7 @@ impl Deformer {
     }
 
     /// Updates the controller from a step's statistics; returns a warning if the bound was exceeded.
-    fn learn(
+    pub(super) fn learn(
         &mut self,
         expected: &Expectation,
         strain_bound: StrainBound,

@@ -185,7 +185,7 @@ impl Controller {
         let hits = cloth.density * load.collider_speed * load.collider_speed > HIT * load.weight(cloth);
         let will_be_stopped = !cloth.has_pins() && load.collider_speed > load.cloth_speed && hits;
         let factor = match self.count == 0.0 {
-            true => caution.first_factor,
+            true => caution.first_factor.max(self.factor),
             false if will_be_stopped => self.factor.max(STOPPED),
             false => self.factor,
         };
@@ -248,6 +248,11 @@ impl Controller {
     /// The longest substep (s) that was allowed in any step so far.
     pub(crate) fn longest(&self) -> f64 {
         self.longest
+    }
+
+    /// The state with the factor of the strain law that another has learned.
+    pub(crate) fn with_factor_of(&self, other: &Controller) -> Controller {
+        Controller { factor: other.factor, ..*self }
     }
 
     /// The state with another number of substeps in 1/60 s.

@@ -26,6 +26,8 @@ pub(crate) struct StepInputs<'a> {
     pub cloth: &'a Cloth,
     /// The coarse levels, finest first.
     pub levels: &'a [Level],
+    /// Whether fewer of them are used than carry the load.
+    pub lacks_levels: bool,
     pub options: &'a Options,
     pub coefficients: &'a Coefficients,
     /// Where the last step left off.
@@ -144,7 +146,8 @@ impl StepInputs<'_> {
                 (true, true) if cloth.has_pins() => PROJECT_COARSE,
                 _ => PULL_COARSE,
             },
-            per_slack: 1.0 / if coefficients.levels.len() < self.levels.len() { SLACK_BAND_OF_FEW } else { SLACK_BAND },
+            per_slack: 1.0
+                / if self.lacks_levels && coefficients.levels.len() < self.levels.len() { SLACK_BAND_OF_FEW } else { SLACK_BAND },
             edges: cloth.swept().len() as u32,
             tethers: u32::from(!coefficients.tethers.is_empty()),
             drift: drift.to_array(),

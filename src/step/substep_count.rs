@@ -148,11 +148,15 @@ impl Rates {
                 if shortfall < PAYS_FROM || is_gale(cloth, pressure, before) {
                     return 0;
                 }
-                let carrying = |shortfall: f64| (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2;
                 let range = [shortfall / KEPT, shortfall * KEPT].map(carrying);
                 before.filter(|&before| before > 0).unwrap_or(carrying(shortfall)).clamp(range[0], range[1])
             }
         }
+    }
+
+    /// The fewest levels that [`Rates::levels`] chooses for substeps of this length, if any.
+    pub(crate) fn fewest_levels(&self, cloth: &Cloth, length: Length) -> usize {
+        carrying(self.resolving_what_shows(cloth) * f64::from(length.longest_h) / KEPT)
     }
 
     /// The number of substeps that explicit springs need in a step of `dt` (s), if it is more than `substeps`.
@@ -189,6 +193,11 @@ impl Rates {
     pub(crate) fn keeping(&self, stress: f64, strain: f64) -> f64 {
         self.loaded * (2.0 * stress / strain).sqrt()
     }
+}
+
+/// The number of levels that carry the load if so many times as many substeps would resolve the stiffness.
+fn carrying(shortfall: f64) -> usize {
+    (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
 }
 
 /// Whether wind of this dynamic pressure (Pa) is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy). A change
