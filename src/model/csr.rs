@@ -1,5 +1,7 @@
 //! Compressed sparse rows: a list of items for each vertex, all in one array.
 
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 
 /// The place of one row in the array: items `start..end`.
@@ -8,6 +10,12 @@ use bytemuck::{Pod, Zeroable};
 pub(crate) struct Span {
     pub start: u32,
     pub end: u32,
+}
+
+impl Span {
+    pub(crate) fn range(self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
 }
 
 /// A list of items for each vertex, all in one array.
@@ -44,7 +52,11 @@ impl<T: Copy + Default> Csr<T> {
 
     /// The items of a vertex.
     pub(crate) fn of(&self, vertex: u32) -> &[T] {
-        let span = self.spans[vertex as usize];
-        &self.items[span.start as usize..span.end as usize]
+        &self.items[self.spans[vertex as usize].range()]
+    }
+
+    /// The items of one vertex after another.
+    pub(crate) fn lists(&self) -> impl Iterator<Item = &[T]> {
+        self.spans.iter().map(|span| &self.items[span.range()])
     }
 }
