@@ -19,7 +19,7 @@ impl Span {
 }
 
 /// A list of items for each vertex, all in one array.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Csr<T> {
     pub spans: Vec<Span>,
     pub items: Vec<T>,
@@ -43,6 +43,15 @@ impl<T: Copy + Default> Csr<T> {
             *end += 1;
         }
         Csr { spans, items }
+    }
+}
+
+impl<T> Csr<T> {
+    /// Appends the list of another vertex.
+    pub(crate) fn push(&mut self, items: impl IntoIterator<Item = T>) {
+        let start = self.items.len() as u32;
+        self.items.extend(items);
+        self.spans.push(Span { start, end: self.items.len() as u32 });
     }
 
     /// Where the items of each vertex start, and where those of the last one end.
