@@ -103,8 +103,6 @@ struct Padded<T>(T);
 /// Polls of a task's dependencies before a worker looks for other tasks: one or two microseconds at first, doubled each
 /// time that it finds none.
 const POLLS: u32 = 50;
-/// Polls after the worker did another task.
-const POLLS_AFTER_HELP: u32 = 50;
 /// How many dependencies back a worker searches exhaustively for a task that is ready.
 const SEARCH_DEPTH: u32 = 2;
 /// Polls before a worker goes to sleep. With those before, this is about 0.2 ms, longer than any task of a cloth that
@@ -287,7 +285,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
             polls = match self.blocker(job) {
                 Some(other) => {
                     self.take(other);
-                    POLLS_AFTER_HELP
+                    POLLS
                 }
                 None if polls < POLLS_BEFORE_SLEEP => 2 * polls,
                 None => {
