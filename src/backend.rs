@@ -177,11 +177,7 @@ impl Engine {
         match self {
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.on_cpu.crossings()).unwrap_or_default(),
-            _ => self
-                .cpu()
-                .and_then(|cpu| cpu.contact.as_ref())
-                .map(|contact| (contact.crossings().collect(), contact.crossings_with_bodies().collect()))
-                .unwrap_or_default(),
+            _ => self.cpu().and_then(|cpu| cpu.contact.as_ref()).map(|contact| contact.crossings()).unwrap_or_default(),
         }
     }
 
