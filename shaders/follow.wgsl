@@ -4,21 +4,20 @@ struct BoundVertex {
     corners: vec3u,
     // The height (m) along the cloth's normal.
     height: f32,
-    // Of the positions of the corners; their sum is 1.
-    weights: vec3f,
-    padding_1: u32,
     // Of the normals of the corners; all 0 for the triangle's own normal.
     normal_weights: vec3f,
-    padding_2: u32,
+    // Weight of the second corner's position. The weights of all three sum to 1.
+    of_b: f32,
     // The render mesh's normal at rest: its products with the sides from the first corner to the others (m), and with the cloth's normal.
     normal: vec3f,
-    padding_3: u32,
+    // Weight of the third corner's position.
+    of_c: f32,
 }
 
 // The position (m) of a vertex without its height, from those of the corners.
 fn foot(vertex: BoundVertex, a: vec3f, b: vec3f, c: vec3f) -> vec3f {
     // Relative to a corner, so that rounding is as fine far from the origin as it can be.
-    return a + (b - a) * vertex.weights.y + (c - a) * vertex.weights.z;
+    return a + (b - a) * vertex.of_b + (c - a) * vertex.of_c;
 }
 
 // The cloth's unit normal at a vertex, from positions (m) and normals of the corners; 0 where there is no area.

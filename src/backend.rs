@@ -94,7 +94,7 @@ impl Engine {
             Backend::Gpu if IN_BROWSER && options.contact.is_some() => {
                 let remedy =
                     "must wait for the GPU in each step, which a browser does not allow; use Backend::Cpu, or no contact";
-                return Err(BuildError::Value { name: "contact".to_owned(), value: "with Backend::Gpu".to_owned(), remedy });
+                return Err(BuildError::value("contact", "with Backend::Gpu", remedy));
             }
             Backend::Gpu => Engine::Gpu(Box::new(find(true).and_then(of_gpu).map_err(refuse("Backend::Gpu"))?)),
         })
@@ -104,11 +104,11 @@ impl Engine {
     pub(crate) fn check(&self, quality: Quality) -> Result<(), BuildError> {
         match (self, quality) {
             #[cfg(feature = "gpu")]
-            (Engine::Gpu(_), Quality::Budget(time)) => Err(BuildError::Value {
-                name: "quality: Budget".to_owned(),
-                value: time.to_string(),
-                remedy: "is not available on Backend::Gpu, whose steps return before they are done; use Quality::Hold, or Backend::Cpu or Hybrid",
-            }),
+            (Engine::Gpu(_), Quality::Budget(time)) => Err(BuildError::value(
+                "quality: Budget",
+                time,
+                "is not available on Backend::Gpu, whose steps return before they are done; use Quality::Hold, or Backend::Cpu or Hybrid",
+            )),
             _ => Ok(()),
         }
     }
@@ -177,11 +177,7 @@ impl Engine {
         match self {
             #[cfg(feature = "gpu")]
             Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.on_cpu.crossings()).unwrap_or_default(),
-            _ => self
-                .cpu()
-                .and_then(|cpu| cpu.contact.as_ref())
-                .map(|contact| (contact.crossings().collect(), contact.crossings_with_bodies().collect()))
-                .unwrap_or_default(),
+            _ => self.cpu().and_then(|cpu| cpu.contact.as_ref()).map(|contact| contact.crossings()).unwrap_or_default(),
         }
     }
 

@@ -299,19 +299,18 @@ fn bound_vertex(
     let smooth = smooth.normalize_or_zero();
     let (up, normal_weights) = if smooth.dot(own).abs() > STEEP { (smooth, weights) } else { (own, [0.0; 3]) };
     let parts = DMat3::from_cols(b - a, c - a, up).inverse();
-    let [along, across, height] = (parts * (x.as_dvec3() - a)).to_array();
-    let place = [1.0 - along - across, along, across];
+    let [of_b, of_c, height] = (parts * (x.as_dvec3() - a)).to_array();
     let normal = [b - a, c - a, up].map(|side| normal.dot(side) as f32);
     // Weights multiply positions of up to 1e15 m.
-    let numbers = [place[0], along, across, height, f64::from(distance)];
+    let numbers = [1.0 - of_b - of_c, of_b, of_c, height, f64::from(distance)];
     let are_bounded = numbers.iter().all(|number| number.abs() <= f64::from(MAX_POSITION));
     are_bounded.then_some(BoundVertex {
         corners,
         height: if height.abs() > flat { height as f32 } else { 0.0 },
-        weights: place.map(|weight| weight as f32),
         normal_weights,
+        of_b: of_b as f32,
         normal,
-        ..BoundVertex::default()
+        of_c: of_c as f32,
     })
 }
 

@@ -8,7 +8,7 @@ use glam::{Vec3, Vec3A, Vec4};
 use super::common_motion::CommonMotion;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
-use crate::model::mesh::{Mesh, bounds};
+use crate::model::mesh::{Mesh, around, bounds};
 use crate::step::plan::{MeshBody, Plan};
 
 /// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
@@ -164,8 +164,7 @@ impl Bodies {
 
 /// Whether a vertex of a body, given by where a step begins and its displacement in it, is near a cloth in these bounds (m).
 pub(super) fn is_near([from, by]: [Vec3; 2], [low, high]: [Vec3; 2]) -> bool {
-    let enlargement = by.abs() + NEAR * (high - low).max_element();
-    let (least, most) = (from.min(from + by) - enlargement, from.max(from + by) + enlargement);
+    let [least, most] = around([from, by], by.abs() + NEAR * (high - low).max_element());
     least.cmple(high).all() && most.cmpge(low).all()
 }
 

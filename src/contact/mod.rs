@@ -194,16 +194,10 @@ impl TriangleContact {
         self.contacts.forget();
     }
 
-    /// Edges that pass through triangles of the cloth, as of the last detection, or have done so in this step; given by
-    /// vertices.
-    pub(crate) fn crossings(&self) -> impl Iterator<Item = Crossing> {
-        self.crossings.own(&self.surface)
-    }
-
-    /// For each pair of an edge and a triangle that intersect, one on the cloth and one on a body: the index of the
-    /// body.
-    pub(crate) fn crossings_with_bodies(&self) -> impl Iterator<Item = usize> {
-        self.crossings.with_bodies(&self.surface)
+    /// Edges that pass through triangles of the cloth, as of the last detection, or have done so in this step, given by
+    /// vertices; and for each pair of an edge and a triangle that do, one on the cloth and one on a body, the index of the body.
+    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
+        self.crossings.all(&self.surface)
     }
 
     /// Prepares for a step.

@@ -135,8 +135,7 @@ impl Cpu {
                 }
             }
         }
-        self.x.copy_from_slice(x);
-        self.p.copy_from_slice(p);
+        self.put(x, p);
         self.steps = past.steps;
         true
     }

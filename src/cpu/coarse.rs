@@ -66,7 +66,7 @@ impl Members {
     fn new(level: &Level, lanes: usize) -> Members {
         let mut members = Members { items: Indices::new(level.label.len()), shares: Vec::new(), starts: vec![0] };
         for span in &level.members.spans {
-            let range = span.start as usize..span.end as usize;
+            let range = span.range();
             let first = level.members.items[range.start];
             let whole = range.len().next_multiple_of(lanes / 4);
             let repeated = std::iter::repeat_n(first, whole - range.len());

@@ -137,15 +137,15 @@ impl Forces<'_> {
     /// Displaces a tile's vertices tentatively under the bending moments computed so far, before a pass of the filter.
     pub(crate) fn trial_displacements(&self, task: &Task, tile: Range<u32>, pass: usize) {
         let (rings, groups, moments) = (self.rings, self.groups(&tile), self.moments.within(task));
-        let pass = self.filter.pass(task, moments, pass);
-        pass.into_iter().for_each(|pass| simd::run(self.width, TrialDisplacements { rings, groups: groups.clone(), pass }));
+        let Some(pass) = self.filter.pass(task, moments, pass) else { return };
+        simd::run(self.width, TrialDisplacements { rings, groups, pass });
     }
 
     /// Runs a pass of the filter: recomputes the moments of a tile's vertices from the tentatively displaced rings.
     pub(crate) fn filter_moments(&self, task: &Task, tile: Range<u32>, pass: usize) {
         let (rings, groups, moments) = (self.rings, self.groups(&tile), self.moments.within(task));
-        let pass = self.filter.pass(task, moments, pass);
-        pass.into_iter().for_each(|pass| simd::run(self.width, FilterMoments { rings, groups: groups.clone(), pass }));
+        let Some(pass) = self.filter.pass(task, moments, pass) else { return };
+        simd::run(self.width, FilterMoments { rings, groups, pass });
     }
 
     /// Computes the aerodynamic force on one chunk of triangles.

@@ -8,7 +8,7 @@ use crate::kernels::statistics::{
     MAX_STRETCH, MIN_SPEED, MIN_STRETCH, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, is_crushed, ordered,
     stretch,
 };
-use crate::simd::{self, Loop, MAX_LANES, Registers, Width, vector_of_lane};
+use crate::simd::{self, Loop, MAX_LANES, Registers, Width, load_vectors, vector_of_lane};
 
 /// Gauges or vertices per task.
 const GRAIN: usize = 4096;
@@ -123,13 +123,9 @@ impl Loop for Displacements<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         for (u, lengths) in self.u.chunks(L::LANES).zip(self.lengths.chunks_mut(L::LANES)) {
-            let mut d = [L::repeat(self.drift); 4];
-            for k in 0..4 {
-                let mut a = [Vec4::ZERO; 4];
-                for j in 0..L::VECTORS {
-                    a[j] = u[(k * L::VECTORS + j).min(u.len() - 1)];
-                }
-                d[k] = L::from_vectors(a) - d[k];
+            let (mut d, drift) = (load_vectors::<L>(u), L::repeat(self.drift));
+            for d in &mut d {
+                *d = *d - drift;
             }
             store_lengths(d, lengths);
         }

@@ -49,11 +49,6 @@ impl VertexWatch {
         }
     }
 
-    /// Records a vertex that is out of bounds.
-    pub(crate) fn report_lost(&self, vertex: usize) {
-        self.lost.fetch_min(vertex, Ordering::Relaxed);
-    }
-
     /// Checks one vertex, now at `x` (m), which moved by `u` (m) in the last substep.
     pub(crate) fn check(&self, vertex: usize, x: Vec3A, u: Vec3A) {
         let within = |v: Vec3A, most: f32| v.abs().cmplt(Vec3A::splat(most)).all();
@@ -61,7 +56,7 @@ impl VertexWatch {
         if !(within(x - self.center, self.distance) && within(u, self.travel)) {
             self.is_suspicious.store(true, Ordering::Relaxed);
             if !(within(x, MAX_POSITION) && within(u, MAX_POSITION)) {
-                self.report_lost(vertex);
+                self.lost.fetch_min(vertex, Ordering::Relaxed);
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, 
 use crate::step::coefficients::SOFT;
 use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, most};
 use crate::step::load::Load;
-use crate::step::own_stretch::{accepted, excess, resolved_share};
+use crate::step::own_stretch::{Measured, accepted, excess, resolved_share};
 use crate::step::substep_count::{SIXTIETHS, STANDARD_GRAVITY, is_gale};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
@@ -211,13 +211,14 @@ impl Deformer {
         // How many times as many substeps would still help.
         let times = SIXTIETHS * most(&self.rates, &self.cloth) * longest;
         let resolved = length.resolved;
-        let resolved = [resolved, resolved_share(&self.cloth, share, resolved, times.max(1.0).powi(-2))];
-        let measured = f64::from(seen.stretch_of(f64::from(share)));
+        let held = resolved_share(&self.cloth, share, resolved, times.max(1.0).powi(-2));
+        let stretch = f64::from(seen.stretch_of(f64::from(share)));
+        let measured = Measured { stretch, share, resolved, held };
         let with_most = times < 1.001;
         let caution = self.caution(*has_contact, *trades_levels);
         let known =
-            self.state.controller.own_of(measured, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));
-        let beyond = |known| excess(&self.cloth, load, [measured, known], share, resolved);
+            self.state.controller.own_of(stretch, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));
+        let beyond = |known| excess(&self.cloth, load, measured, known);
         let law = self.rates.strain(load.stress(&self.cloth), longest);
         self.state.controller.learn(law, beyond(known), caution, *dt, holds.is_some());
         // More substeps do not help, but that is no reason to keep silent: neither while the cloth is jerked, nor where what holds

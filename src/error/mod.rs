@@ -2,6 +2,8 @@
 
 pub(crate) mod failure;
 
+use std::fmt::Display;
+
 use glam::Vec3;
 
 /// Why [`Deformer::new`](crate::Deformer::new) failed.
@@ -123,6 +125,13 @@ pub enum BuildError {
         /// The device's value of that limit.
         allowed: u64,
     },
+}
+
+impl BuildError {
+    /// A number that is out of its range.
+    pub(crate) fn value(name: impl Display, value: impl Display, remedy: &'static str) -> BuildError {
+        BuildError::Value { name: name.to_string(), value: value.to_string(), remedy }
+    }
 }
 
 /// Why [`Deformer::step`](crate::Deformer::step) or reading the state failed. The state is that of the

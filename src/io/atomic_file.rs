@@ -52,7 +52,7 @@ impl AtomicFile {
             return Ok(AtomicFile { file: Some(BufWriter::new(file)), replacement: None });
         }
         let (file, temporary) = sibling(&target)?;
-        let permissions = existing.filter(fs::Metadata::is_file).map(|found| found.permissions());
+        let permissions = existing.map(|found| found.permissions());
         Ok(AtomicFile { file: Some(BufWriter::new(file)), replacement: Some(Replacement { temporary, target, permissions }) })
     }
 

@@ -5,26 +5,25 @@ use glam::Vec3;
 
 /// A vertex of the render mesh, as `stages/follow.wgsl` reads it, too.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(crate) struct BoundVertex {
     pub corners: [u32; 3],
     /// The height (m) along the cloth's normal.
     pub height: f32,
-    /// Of the positions of the corners; their sum is 1.
-    pub weights: [f32; 3],
-    pub padding_1: u32,
     /// Of the normals of the corners; all 0 for the triangle's own normal.
     pub normal_weights: [f32; 3],
-    pub padding_2: u32,
+    /// Weight of the second corner's position. The weights of all three sum to 1.
+    pub of_b: f32,
     /// The render mesh's normal at rest: its products with the sides from the first corner to the others (m), and with the cloth's normal.
     pub normal: [f32; 3],
-    pub padding_3: u32,
+    /// Weight of the third corner's position.
+    pub of_c: f32,
 }
 
 /// The position (m) of a vertex without its height, from those of the corners.
 pub(crate) fn foot(vertex: &BoundVertex, [a, b, c]: [Vec3; 3]) -> Vec3 {
     // Relative to a corner, so that rounding is as fine far from the origin as it can be.
-    a + (b - a) * vertex.weights[1] + (c - a) * vertex.weights[2]
+    a + (b - a) * vertex.of_b + (c - a) * vertex.of_c
 }
 
 /// The cloth's unit normal at a vertex, from positions (m) and normals of the corners; 0 where there is no area.

@@ -45,7 +45,7 @@ const SAMPLES: usize = 32;
 
 /// Checks the thickness (m) of contact on cloth at rest (m) whose size is `extent` (m).
 pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Result<(), BuildError> {
-    let refuse = |value: String, remedy| Err(BuildError::Value { name: "contact.thickness".to_owned(), value, remedy });
+    let refuse = |value: String, remedy| Err(BuildError::value("contact.thickness", value, remedy));
     let on_cloth = || format!("{thickness} m on cloth {} m across", extent as f32);
     let [least, most] = [MIN_THICKNESS, MAX_THICKNESS].map(|share| share * extent);
     if thickness < least as f32 {
@@ -71,7 +71,7 @@ pub(crate) fn check_thickness(rest: &[Vec3], extent: f64, thickness: f32) -> Res
 /// Checks the options for a mesh with so many vertices and edges.
 pub(crate) fn check_options(vertices: usize, edges: usize, options: &Options) -> Result<(), BuildError> {
     let value = |name: &str, value: f32, holds: bool, remedy: &'static str| {
-        if holds { Ok(()) } else { Err(BuildError::Value { name: name.to_owned(), value: value.to_string(), remedy }) }
+        if holds { Ok(()) } else { Err(BuildError::value(name, value, remedy)) }
     };
     let not_negative: fn(f32) -> bool = |x| x >= 0.0 && x.is_finite();
     let fabric = options.fabric;

@@ -21,9 +21,8 @@ pub(crate) fn color(edges: &[[u32; 2]], positions: &[Vec3]) -> Coloring {
     let vertices = positions.len();
     let directions: Vec<u32> = edges.iter().map(|&edge| direction(edge, positions)).collect();
     let by_direction: Csr<u32> = Csr::new(DIRECTIONS, directions.into_iter().zip(0..));
-    let palettes = || by_direction.spans.iter().map(|span| &by_direction.items[span.start as usize..span.end as usize]);
     let fewest = max_degree(edges, vertices);
-    if let Some(separate) = greedy(edges, palettes(), fewest, vertices) {
+    if let Some(separate) = greedy(edges, by_direction.lists(), fewest, vertices) {
         return separate;
     }
     let by_vertex: Vec<u32> = (0..edges.len() as u32).collect();

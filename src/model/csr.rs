@@ -1,5 +1,7 @@
 //! Compressed sparse rows: a list of items for each vertex, all in one array.
 
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 
 /// The place of one row in the array: items `start..end`.
@@ -10,8 +12,14 @@ pub(crate) struct Span {
     pub end: u32,
 }
 
+impl Span {
+    pub(crate) fn range(self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+}
+
 /// A list of items for each vertex, all in one array.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Csr<T> {
     pub spans: Vec<Span>,
     pub items: Vec<T>,
@@ -36,6 +44,15 @@ impl<T: Copy + Default> Csr<T> {
         }
         Csr { spans, items }
     }
+}
+
+impl<T> Csr<T> {
+    /// Appends the list of another vertex.
+    pub(crate) fn push(&mut self, items: impl IntoIterator<Item = T>) {
+        let start = self.items.len() as u32;
+        self.items.extend(items);
+        self.spans.push(Span { start, end: self.items.len() as u32 });
+    }
 
     /// Where the items of each vertex start, and where those of the last one end.
     pub(crate) fn starts(&self) -> Vec<u32> {
@@ -44,7 +61,11 @@ impl<T: Copy + Default> Csr<T> {
 
     /// The items of a vertex.
     pub(crate) fn of(&self, vertex: u32) -> &[T] {
-        let span = self.spans[vertex as usize];
-        &self.items[span.start as usize..span.end as usize]
+        &self.items[self.spans[vertex as usize].range()]
+    }
+
+    /// The items of one vertex after another.
+    pub(crate) fn lists(&self) -> impl Iterator<Item = &[T]> {
+        self.spans.iter().map(|span| &self.items[span.range()])
     }
 }

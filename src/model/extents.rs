@@ -32,8 +32,7 @@ pub(crate) fn extents(rest: &[Vec3], links: &[Link], is_pinned: impl Fn(u32) -> 
     let pins: Vec<u32> = (0..vertices).filter(|&vertex| is_pinned(vertex)).collect();
     let distance = if pins.is_empty() { Vec::new() } else { distances(rest.len(), links, &pins) };
     let by_part = Csr::new(rest.len(), part.iter().copied().zip(0..vertices));
-    let extents = by_part.spans.iter().map(|span| {
-        let vertices = &by_part.items[span.start as usize..span.end as usize];
+    let extents = by_part.lists().map(|vertices| {
         let [low, high] = bounds(vertices.iter().map(|&vertex| rest[vertex as usize]));
         let sides = (high.as_dvec3() - low.as_dvec3()).max(DVec3::ZERO);
         let farthest = vertices.iter().filter_map(|&vertex| distance.get(vertex as usize)).fold(0.0, |a: f64, &b| a.max(b));

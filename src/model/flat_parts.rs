@@ -31,9 +31,8 @@ pub(crate) fn flat_parts(x: &[Vec4], triangles: &[[u32; 3]]) -> Vec<FlatPart> {
         *sum += if area.dot(*sum) < 0.0 { -area } else { area };
     }
     let by_part = Csr::new(x.len(), part.iter().copied().zip(0..));
-    let spans = by_part.spans.iter().zip(normal.iter().map(|normal| normal.normalize_or_zero()));
-    let parts = spans.filter(|(_, normal)| *normal != DVec3::ZERO).filter_map(|(span, normal)| {
-        let vertices = &by_part.items[span.start as usize..span.end as usize];
+    let lists = by_part.lists().zip(normal.iter().map(|normal| normal.normalize_or_zero()));
+    let parts = lists.filter(|(_, normal)| *normal != DVec3::ZERO).filter_map(|(vertices, normal)| {
         let [low, high] = bounds(vertices.iter().map(|&vertex| x[vertex as usize].truncate()));
         let farthest = f64::from(low.abs().max(high.abs()).max_element());
         let height = |vertex: u32| at(vertex).dot(normal);

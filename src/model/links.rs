@@ -97,7 +97,7 @@ pub(super) fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f
     let colors = coloring::color_in_turn(&ends, rest, &is_first).batches();
     let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
     links[..free].copy_from_slice(&sorted);
-    let colors: Vec<Range<usize>> = colors.spans.iter().map(|span| span.start as usize..span.end as usize).collect();
+    let colors: Vec<Range<usize>> = colors.spans.iter().map(|span| span.range()).collect();
     for color in &colors {
         let (mut first, others): (Vec<Link>, Vec<Link>) = links[color.clone()].iter().partition(|link| link.is_visited_twice());
         first.extend(others);

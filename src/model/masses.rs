@@ -50,8 +50,8 @@ fn masses(options: &Options, order: &[u32], area: &[f64], used: usize) -> Result
     if mass.iter().all(|&mass| is_mass(mass)) {
         return Ok((mass, density));
     }
-    let (name, value) = ("fabric.density".to_owned(), options.fabric.density.to_string());
-    Err(BuildError::Value { name, value, remedy: "makes vertices of this mesh too heavy for single precision; lower it" })
+    let remedy = "makes vertices of this mesh too heavy for single precision; lower it";
+    Err(BuildError::value("fabric.density", options.fabric.density, remedy))
 }
 
 /// Whether a mass (kg) and its inverse are normal floating-point numbers.

@@ -8,19 +8,18 @@ use crate::options::{Contact, Method, Options, Quality};
 impl Options {
     /// Checks everything that does not depend on the mesh.
     pub(crate) fn check_numbers(&self) -> Result<(), BuildError> {
-        let refuse = |name: &str, value: String, remedy| Err(BuildError::Value { name: name.to_owned(), value, remedy });
         match self.quality {
             Quality::Substeps(count) if !(1..=MAX_SUBSTEPS).contains(&count) => {
-                return refuse("quality: Substeps", count.to_string(), "must be 1 to 65536");
+                return Err(BuildError::value("quality: Substeps", count, "must be 1 to 65536"));
             }
             Quality::Strain(stretch) | Quality::Hold { stretch, .. } if !(stretch > 0.0 && stretch.is_finite()) => {
-                return refuse("quality: stretch", stretch.to_string(), "must be finite and above 0; 0.03 is three percent");
+                return Err(BuildError::value("quality: stretch", stretch, "must be finite and above 0; 0.03 is three percent"));
             }
             Quality::Hold { share, .. } if !(0.5..=1.0).contains(&share) => {
-                return refuse("quality: Hold share", share.to_string(), "must be 0.5 to 1; 0.99 is what Strain holds");
+                return Err(BuildError::value("quality: Hold share", share, "must be 0.5 to 1; 0.99 is what Strain holds"));
             }
             Quality::Budget(time) if !(time > 0.0 && time.is_finite()) => {
-                return refuse("quality: Budget", time.to_string(), "must be finite and above 0 ms");
+                return Err(BuildError::value("quality: Budget", time, "must be finite and above 0 ms"));
             }
             _ => {}
         }
@@ -28,30 +27,29 @@ impl Options {
             let speeds = [("sleep: mean_speed", sleep.mean_speed, SLOW), ("sleep: speed", sleep.speed, f32::MAX)];
             for (name, value, most) in speeds {
                 if !(value > 0.0 && value <= most) {
-                    return refuse(name, value.to_string(), "must be above 0 m/s, a mean speed at most 0.01");
+                    return Err(BuildError::value(name, value, "must be above 0 m/s, a mean speed at most 0.01"));
                 }
             }
             if !(sleep.after >= 0.0 && sleep.after.is_finite()) {
-                return refuse("sleep: after", sleep.after.to_string(), "must be finite and 0 s or above");
+                return Err(BuildError::value("sleep: after", sleep.after, "must be finite and 0 s or above"));
             }
         }
         if let Some(Contact { thickness, friction }) = self.contact {
             if !(thickness > 0.0 && thickness <= MAX_POSITION) {
-                return refuse("contact.thickness", thickness.to_string(), "must be above 0 m and within 1e15 m");
+                return Err(BuildError::value("contact.thickness", thickness, "must be above 0 m and within 1e15 m"));
             }
             if !(friction >= 0.0 && friction.is_finite()) {
-                return refuse("contact.friction", friction.to_string(), "must be finite and 0 or above");
+                return Err(BuildError::value("contact.friction", friction, "must be finite and 0 or above"));
             }
         }
         match self.method {
             Method::Relaxation { iterations } if !(1..=MAX_SUBSTEPS).contains(&iterations) => {
-                refuse("method: Relaxation iterations", iterations.to_string(), "must be 1 to 65536")
+                Err(BuildError::value("method: Relaxation iterations", iterations, "must be 1 to 65536"))
             }
-            Method::Springs if self.fabric.stretch.is_infinite() => refuse(
-                "fabric.stretch",
-                self.fabric.stretch.to_string(),
-                "explicit springs cannot be inextensible; use SmallSteps",
-            ),
+            Method::Springs if self.fabric.stretch.is_infinite() => {
+                let remedy = "explicit springs cannot be inextensible; use SmallSteps";
+                Err(BuildError::value("fabric.stretch", self.fabric.stretch, remedy))
+            }
             _ => Ok(()),
         }
     }

@@ -181,9 +181,9 @@ impl Controller {
         load: &Load,
         dt: f32,
     ) -> Controller {
-        // What flies bears no load, from which nothing is learned about what will stop it.
-        let hits = cloth.density * load.collider_speed * load.collider_speed > HIT * load.weight(cloth);
-        let will_be_stopped = !cloth.has_pins() && load.collider_speed > load.cloth_speed && hits;
+        let stress = load.stress(cloth);
+        let lasts = (stress - self.stress).abs() < STEADY * self.stress;
+        let will_be_stopped = will_be_stopped(cloth, load);
         let factor = match self.count == 0.0 {
             true => caution.first_factor.max(self.factor),
             false if will_be_stopped => self.factor.max(STOPPED),
@@ -192,27 +192,36 @@ impl Controller {
         let asked_at = |aim| Controller { factor, ..*self }.asked(rates, cloth, (strain_bound, Caution { aim, ..caution }), load);
         let rises_slowly = self.count > 0.0 && !cloth.has_pins() && !will_be_stopped;
         let most = if rises_slowly { caution.rounded_up(RISE * self.count) } else { f64::INFINITY };
-        let (asked, low, stress) = (asked_at(caution.aim).min(most), self.low + dt, load.stress(cloth));
-        let lasts = (stress - self.stress).abs() < STEADY * self.stress;
-        let (is_steady, is_held) = (lasts && load.is_calm(cloth), self.own > 0.0);
+        let asked = asked_at(caution.aim).min(most);
         // Not that of a gust in the lull after it, which each step of a slow change would pass on.
-        let still_fails = is_held && self.fallen_for < RENEWED || lasts && CALMER * stress > self.failed_under;
+        let still_fails = self.is_held() && self.fallen_for < RENEWED || lasts && CALMER * stress > self.failed_under;
         let too_few = if still_fails { self.too_few } else { 0.0 };
-        // What is held shows what fewer substeps leave once a transverse wave, at the speed `sqrt(sigma/rho)`, has come from its middle
-        // to what holds it.
-        let settled = (0.5 * cloth.extent * (cloth.density / stress).sqrt()).min(SETTLED);
-        let patience = if is_held { caution.patience.max(settled) } else { caution.patience };
-        let fallen = asked.max(caution.rounded_up(FALL * self.count)).max(caution.rounded_up(too_few + 1.0)).min(self.count);
-        let (count, low) = match f64::from(low) > patience {
-            _ if asked >= self.count && is_steady && asked_at(caution.most) <= self.count => (self.count, 0.0),
-            _ if asked >= self.count => (asked, 0.0),
-            true => (fallen, 0.0),
-            false => (self.count, low),
+        let low = self.low + dt;
+        let (count, low) = if asked >= self.count {
+            let stays = lasts && load.is_calm(cloth) && asked_at(caution.most) <= self.count;
+            (if stays { self.count } else { asked }, 0.0)
+        } else if f64::from(low) > self.patience(cloth, stress, caution) {
+            let least = asked.max(caution.rounded_up(FALL * self.count)).max(caution.rounded_up(too_few + 1.0));
+            (least.min(self.count), 0.0)
+        } else {
+            (self.count, low)
         };
-        let has_failed = (is_held || lasts) && count > self.count && self.fallen_for < TRIED.max(TRIED_STEPS * dt);
+        let has_failed = (self.is_held() || lasts) && count > self.count && self.fallen_for < TRIED.max(TRIED_STEPS * dt);
         let (too_few, failed_under) = if has_failed { (too_few.max(self.count), stress) } else { (too_few, self.failed_under) };
         let fallen_for = if count < self.count { 0.0 } else { self.fallen_for + dt };
         Controller { factor, count, low, stress, too_few, failed_under, fallen_for, ..*self }
+    }
+
+    /// Whether something holds the cloth stretched.
+    fn is_held(&self) -> bool {
+        self.own > 0.0
+    }
+
+    /// Time (s) for which fewer substeps must have sufficed under a membrane `stress` (N/m) before their number is lowered. What is
+    /// held shows what fewer leave once a transverse wave, at the speed `sqrt(sigma/rho)`, has come from its middle to what holds it.
+    fn patience(&self, cloth: &Cloth, stress: f64, caution: Caution) -> f64 {
+        let settled = (0.5 * cloth.extent * (cloth.density / stress).sqrt()).min(SETTLED);
+        if self.is_held() { caution.patience.max(settled) } else { caution.patience }
     }
 
     /// Substeps in 1/60 s of the step that this state is for.
@@ -315,6 +324,12 @@ impl Controller {
         let most = if holds { caution.first_factor.min(self.factor) } else { f64::INFINITY };
         self.factor = faded.max(seen).min(most).max(NOTHING);
     }
+}
+
+/// Whether cloth flies into something. What flies bears no load, from which nothing is learned about what will stop it.
+fn will_be_stopped(cloth: &Cloth, load: &Load) -> bool {
+    let hits = cloth.density * load.collider_speed * load.collider_speed > HIT * load.weight(cloth);
+    !cloth.has_pins() && load.collider_speed > load.cloth_speed && hits
 }
 
 /// Largest number of substeps as a multiple of those that resolve a stiffness beyond which nothing shows. It corresponds to 16 times that

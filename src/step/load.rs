@@ -65,44 +65,53 @@ impl Fastest {
         seen: Option<&Statistics>,
         age: f32,
     ) -> Fastest {
-        let drift = motion.drift(cloth, attributes.pin_targets.as_deref(), dt as f32);
+        let (drift, last_drift) = (motion.drift(cloth, attributes.pin_targets.as_deref(), dt as f32), motion.last_drift(cloth));
+        let whereabouts = motion.whereabouts(seen).map(|of_cloth| of_cloth.along(last_drift * age + drift));
         // The statistics count speeds relative to the drift.
-        let common = motion.last_drift(cloth).as_dvec3();
+        let common = last_drift.as_dvec3();
         let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
-        let common = if goes_along { common } else { DVec3::ZERO };
-        let mut whereabouts = motion.whereabouts(seen).map(|of_cloth| of_cloth.along(motion.last_drift(cloth) * age + drift));
-        let mut fastest = Fastest { drift, ..Fastest::default() };
-        let faster = |than: &mut (usize, f64), index: usize, speed: f64| {
-            if speed > than.1 {
-                *than = (index, speed);
-            }
-        };
+        let mut fastest = Fastest { drift, whereabouts, ..Fastest::default() };
+        fastest.note_pins(cloth, motion, attributes, dt, if goes_along { common } else { DVec3::ZERO });
+        fastest.note_colliders(cloth, motion, attributes, dt);
+        fastest
+    }
+
+    /// Notes the pins, whose speeds count relative to a velocity (m/s) that they have in `common` with the cloth. The cloth may be as
+    /// fast as they are.
+    fn note_pins(&mut self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, common: DVec3) {
         let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
         for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
             let velocity = ((*to - cloth.origin).as_dvec3() - from.as_dvec3()) / dt;
-            fastest.any_pin = fastest.any_pin.max(velocity.length());
-            faster(&mut fastest.pin, index, velocity.distance(common));
-            let relative = (velocity - (drift / dt as f32).as_dvec3()).length() as f32;
-            whereabouts.iter_mut().for_each(|of_cloth| of_cloth.fastest = of_cloth.fastest.max(relative));
+            self.any_pin = self.any_pin.max(velocity.length());
+            self.pin = faster(self.pin, (index, velocity.distance(common)));
+            let relative = (velocity - (self.drift / dt as f32).as_dvec3()).length() as f32;
+            self.whereabouts.iter_mut().for_each(|of_cloth| of_cloth.fastest = of_cloth.fastest.max(relative));
         }
-        fastest.whereabouts = whereabouts;
+    }
+
+    /// Notes the colliders, given where the cloth may be.
+    fn note_colliders(&mut self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) {
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let way = travel(&now.shape, &last.shape, Vec3::ZERO);
-            fastest.any_collider = fastest.any_collider.max(way / dt);
+            self.any_collider = self.any_collider.max(way / dt);
             // What goes along with the cloth, like the body of a runner in his cape, does not run into it.
-            let relative = if drift == Vec3::ZERO { way } else { travel(&now.shape, &last.shape, drift) };
+            let relative = if self.drift == Vec3::ZERO { way } else { travel(&now.shape, &last.shape, self.drift) };
             // Pins hold the cloth back from what is still; without any it runs into that on its course.
             let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, relative) };
             let speed = speed / dt;
-            if speed > fastest.solid.1 && is_near(cloth, now, reach, dt, whereabouts) {
-                faster(&mut fastest.collider, index, speed);
+            if speed > self.solid.1 && is_near(cloth, now, reach, dt, self.whereabouts) {
+                self.collider = faster(self.collider, (index, speed));
                 if !matches!(now.shape, Shape::Mesh { .. }) {
-                    faster(&mut fastest.solid, index, speed);
+                    self.solid = (index, speed);
                 }
             }
         }
-        fastest
     }
+}
+
+/// The faster of two things, of equally fast ones the first.
+fn faster(one: (usize, f64), other: (usize, f64)) -> (usize, f64) {
+    if other.1 > one.1 { other } else { one }
 }
 
 impl Load {

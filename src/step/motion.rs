@@ -218,8 +218,8 @@ fn are_in_order<'a>(last: impl Iterator<Item = &'a Collider> + Clone, now: impl 
         return ways.clone().enumerate().all(|(index, way)| others(index).all(|other| !way.is_longer_than_exchanged(&other)));
     }
     let moved: Vec<Way> = ways.collect();
-    let bounds = moved.iter().fold((Vec3::MAX, Vec3::MIN), |(low, high), way| (low.min(way.to[0]), high.max(way.to[0])));
-    let axis = (bounds.1 - bounds.0).max_position();
+    let [low, high] = bounds(moved.iter().map(|way| way.to[0]));
+    let axis = (high - low).max_position();
     let sorted = |end: fn(&Way) -> [Vec3; 2]| {
         let mut places: Vec<(f32, &Way)> = moved.iter().map(|way| (end(way)[0][axis], way)).collect();
         places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));

@@ -23,19 +23,31 @@ pub(crate) fn accepted(cloth: &Cloth, load: &Load, known: f64, share: f32) -> f6
     if load.is_calm_in_wind(cloth) { known.min(NARROW + explained) } else { 0.0 }
 }
 
-/// The measured stretch of a share of the area beyond the fabric's own. Wind stretches cloth that gives way to it little, and cloth
-/// that is held all around much: there, substeps that resolve the share `held` of the stiffness ([`resolved_share`]) leave as large a
+/// What was measured in a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Measured {
+    /// The stretch that this share of the area does not exceed.
+    pub stretch: f64,
+    pub share: f32,
+    /// The shares of the stiffness that the substeps resolve: of most edges, and of what holds the cloth ([`resolved_share`]).
+    pub resolved: f64,
+    pub held: f64,
+}
+
+/// The measured stretch beyond the fabric's own. Wind stretches cloth that gives way to it little, and cloth
+/// that is held all around much: there, substeps that resolve the share `held` of the stiffness leave as large a
 /// share of the stretch whatever they do. Because these are estimates, a part of what more substeps than those that `resolved` this share
 /// could change counts as excess in any case: [`DOUBT`], [`DOUBT_IN_MOTION`]. What is `known` to be the fabric's own
 /// ([`Controller::own_of`](crate::step::controller::Controller::own_of)) does not.
-pub(crate) fn excess(cloth: &Cloth, load: &Load, [measured, known]: [f64; 2], share: f32, [resolved, held]: [f64; 2]) -> f64 {
+pub(crate) fn excess(cloth: &Cloth, load: &Load, measured: Measured, known: f64) -> f64 {
+    let Measured { stretch, share, resolved, held } = measured;
     let without_wind = load.stress_without_wind(cloth) / load.stress(cloth);
     let by_wind = if load.pressure > 0.0 { held * (1.0 - without_wind) } else { 0.0 };
-    let own = own_stretch(cloth, load.stress_without_wind(cloth), share, load.cloth_speed).max(by_wind * measured);
-    let unknown = (measured - known).max(0.0);
+    let own = own_stretch(cloth, load.stress_without_wind(cloth), share, load.cloth_speed).max(by_wind * stretch);
+    let unknown = (stretch - known).max(0.0);
     let by_motion = unknown - own_stretch(cloth, load.weight(cloth), share, load.cloth_speed);
     let doubtful = (1.0 - resolved) * (DOUBT * unknown).max(DOUBT_IN_MOTION * by_motion);
-    (measured - own).min(unknown).max(doubtful)
+    (stretch - own).min(unknown).max(doubtful)
 }
 
 /// The stretch that a share of the area does not exceed under a membrane `stress` (N/m) if every edge is as stiff as its fabric.

@@ -193,12 +193,11 @@ pub fn tune(
     tolerance: Tolerance,
 ) -> Result<Tuned, BuildError> {
     let (Tolerance::Position(most) | Tolerance::Strain(most)) = tolerance;
-    let value = |name: &str, value: String, remedy| BuildError::Value { name: name.into(), value, remedy };
     if !(most > 0.0 && most.is_finite()) {
-        return Err(value("tolerance", most.to_string(), "must be finite and above 0"));
+        return Err(BuildError::value("tolerance", most, "must be finite and above 0"));
     }
     if frames < 2 {
-        return Err(value("frames", frames.to_string(), "must be at least 2"));
+        return Err(BuildError::value("frames", frames, "must be at least 2"));
     }
     check_mesh(mesh)?;
     let edges = mesh.edges();

@@ -171,24 +171,18 @@ impl KnownCrossings {
         self.entangled = Vec::from_iter(near);
     }
 
-    /// Intersections of the cloth with itself, given by vertices, and what has moved through itself in this step.
-    pub(crate) fn own(&self, surface: &Surface) -> impl Iterator<Item = Crossing> {
-        let is_own = |[a, b]: [u32; 2]| surface.owner[a as usize] + surface.owner[b as usize] == 0;
-        let crossing = |(edge, triangle)| Crossing { edge, triangle };
-        self.all(surface).filter(move |(edge, triangle)| is_own([edge[0], triangle[0]])).map(crossing)
-    }
-
-    /// For each intersection of the cloth with a body, in this step too: the index of the body.
-    pub(crate) fn with_bodies(&self, surface: &Surface) -> impl Iterator<Item = usize> {
-        let owner = |vertex: u32| surface.owner[vertex as usize];
-        let owners = self.all(surface).map(move |(edge, triangle)| owner(edge[0]).max(owner(triangle[0])) as usize);
-        owners.filter(|&owner| owner > 0).map(|owner| owner - 1)
-    }
-
-    /// All that intersects, or did in this step.
-    fn all(&self, surface: &Surface) -> impl Iterator<Item = ([u32; 2], [u32; 3])> {
+    /// What intersects, or did in this step: of the cloth with itself, given by vertices, and for each pair of the cloth and a body
+    /// the index of the body.
+    pub(crate) fn all(&self, surface: &Surface) -> (Vec<Crossing>, Vec<usize>) {
+        let (mut own, mut with_bodies) = (Vec::new(), Vec::new());
         let through = self.through.iter().filter(|pair| self.pairs.binary_search(pair).is_err());
-        self.pairs.iter().chain(through).map(|&pair| by_vertices(pair, surface))
+        for (edge, triangle) in self.pairs.iter().chain(through).map(|&pair| by_vertices(pair, surface)) {
+            match surface.owner[edge[0] as usize].max(surface.owner[triangle[0] as usize]) {
+                0 => own.push(Crossing { edge, triangle }),
+                owner => with_bodies.push(owner as usize - 1),
+            }
+        }
+        (own, with_bodies)
     }
 
     #[cfg(feature = "gpu")]

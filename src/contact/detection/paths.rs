@@ -10,7 +10,7 @@ use crate::contact::surface::Surface;
 use crate::kernels::integrate::xyz;
 use crate::kernels::rigid::Rigid;
 use crate::record::recorded;
-use crate::simd::{self, Loop, Registers, Width};
+use crate::simd::{self, Loop, Registers, Width, load_vectors};
 
 /// Number of substeps for which a vertex should stay close to its path, extrapolated from how far it strayed before.
 pub(crate) const LASTS: f32 = 16.0;
@@ -275,35 +275,26 @@ struct OnPath<'a> {
     all: &'a AtomicBool,
 }
 
-impl OnPath<'_> {
-    /// The deviation, in units of the allowed distance.
-    #[inline(always)]
-    fn row<L: Registers>(&self, first: usize, steps: L, common: L) -> L {
-        let range = first..first + L::VECTORS;
-        let by = L::load(&self.by[range.clone()]);
-        let way = L::load(&self.x[range.clone()]) - L::load(&self.from[range.clone()]) - common;
-        (way + by.neg_mul_add(steps, L::load(&self.u[range]))) * by.w()
-    }
-}
-
 impl Loop for OnPath<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let (steps, common, one) = (L::splat(self.substeps), L::repeat(self.common.extend(0.0)), L::splat(1.0));
-        let (mut farthest, whole) = (L::splat(0.0), self.x.len() / L::LANES * L::LANES);
-        for first in (0..whole).step_by(L::LANES) {
-            let (a, b) = (self.row(first, steps, common), self.row(first + L::VECTORS, steps, common));
-            let (c, d) = (self.row(first + 2 * L::VECTORS, steps, common), self.row(first + 3 * L::VECTORS, steps, common));
-            let strayed = L::transpose([a, b, c, d]);
+        let mut farthest = L::splat(0.0);
+        let state = self.x.chunks(L::LANES).zip(self.u.chunks(L::LANES));
+        let paths = self.from.chunks(L::LANES).zip(self.by.chunks(L::LANES));
+        for ((x, u), (from, by)) in state.zip(paths) {
+            let (x, u, from, by) = (load_vectors::<L>(x), load_vectors::<L>(u), load_vectors::<L>(from), load_vectors::<L>(by));
+            // The deviations, in units of the allowed distance.
+            let mut strayed = x;
+            for k in 0..4 {
+                let way = x[k] - from[k] - common;
+                strayed[k] = (way + by[k].neg_mul_add(steps, u[k])) * by[k].w();
+            }
+            let strayed = L::transpose(strayed);
             // Written so that NaN counts as too far.
             farthest = L::select(strayed.dot(strayed).lt(one), farthest, L::splat(f32::INFINITY));
         }
-        let mut is_near = L::all(farthest.lt(one));
-        for i in whole..self.x.len() {
-            let strayed = xyz(self.x[i]) - xyz(self.from[i]) - self.common + (xyz(self.u[i]) - xyz(self.by[i]) * self.substeps);
-            is_near &= (strayed * self.by[i].w).length_squared() < 1.0;
-        }
-        if !is_near {
+        if !L::all(farthest.lt(one)) {
             self.all.store(false, Ordering::Relaxed);
         }
     }

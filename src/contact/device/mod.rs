@@ -214,7 +214,7 @@ impl HostContact {
     /// Intersections found by the last search: of the cloth with itself, given by vertices, and for each one with a
     /// mesh collider the index of that.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        (self.crossings.own(&self.surface).collect(), self.crossings.with_bodies(&self.surface).collect())
+        self.crossings.all(&self.surface)
     }
 
     /// The state in the form that both backends save.

@@ -226,10 +226,8 @@ impl Surface {
         let firsts = [self.triangles.len(), self.edges.len(), self.order.len()].map(|first| first as u32);
         let mut rank = vec![0; edges.len()];
         (firsts[1]..).zip(&edges).for_each(|(place, &edge)| rank[edge as usize] = place);
-        self.sides.extend(triangles.iter().map(|&t| {
-            let mut of = sides(t).map(|side| rank[index.of(side)]);
-            std::array::from_fn::<u32, 3, _>(|_| of.next().expect("a triangle has three sides"))
-        }));
+        let place = |[i, j]: [u32; 2]| rank[index.of([i.min(j), i.max(j)])];
+        self.sides.extend(triangles.iter().map(|&[a, b, c]| [[a, b], [b, c], [c, a]].map(place)));
         self.triangles.extend(triangles);
         self.edges.extend(edges.iter().map(|&edge| sorted[edge as usize]));
         self.order.extend(vertices);

@@ -24,6 +24,7 @@ use std::sync::{Condvar, Mutex, PoisonError};
 use super::shared::Task;
 use super::team::Team;
 use crate::HAS_THREADS;
+use crate::model::csr::Csr;
 
 /// Where a graph runs.
 #[derive(Debug, Clone, Copy)]
@@ -50,17 +51,11 @@ pub(crate) struct Graph {
     /// Number of passes that run in the first turn only, before all others.
     once: usize,
     /// For each task, the places that it waits at, and how many earlier tasks must be done there in the first turn.
-    waits: Vec<Wait>,
-    /// Where the waits of each task begin, and at the end the total.
-    wait_starts: Vec<usize>,
+    waits: Csr<Wait>,
     /// The places at which each task counts as done.
-    counts: Vec<u32>,
-    /// Where the places of each task begin, and at the end the total.
-    count_starts: Vec<usize>,
+    counts: Csr<u32>,
     /// The tasks that count at each place, in order of their passes.
-    at_place: Vec<u32>,
-    /// Where the tasks of each place begin, and at the end the total.
-    at_place_starts: Vec<usize>,
+    at_place: Csr<u32>,
     /// For each place, how many of its tasks run in every turn.
     each_turn: Vec<usize>,
     /// For each task, how often it has been claimed in this run.
@@ -93,7 +88,7 @@ struct PassRange {
 }
 
 /// How many tasks must be done at a place before a task may start.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Wait {
     place: u32,
     before: u32,
@@ -108,8 +103,6 @@ struct Padded<T>(T);
 /// Polls of a task's dependencies before a worker looks for other tasks: one or two microseconds at first, doubled each
 /// time that it finds none.
 const POLLS: u32 = 50;
-/// Polls after the worker did another task.
-const POLLS_AFTER_HELP: u32 = 50;
 /// How many dependencies back a worker searches exhaustively for a task that is ready.
 const SEARCH_DEPTH: u32 = 2;
 /// Polls before a worker goes to sleep. With those before, this is about 0.2 ms, longer than any task of a cloth that
@@ -127,18 +120,16 @@ struct Job {
 impl Graph {
     /// Builds the graph of `passes` over `places` places. The first `once` passes run in the first turn only.
     pub(crate) fn new(passes: Vec<PassTasks>, once: usize, places: usize) -> Graph {
-        let mut graph = Graph { once, wait_starts: vec![0], count_starts: vec![0], ..Graph::default() };
+        let mut graph = Graph { once, ..Graph::default() };
         let mut tasks_at: Vec<Vec<u32>> = vec![Vec::new(); places];
         for PassTasks { touches, awaits, follows } in passes {
             assert!(awaits.is_empty() || awaits.len() == touches.len(), "one list a task");
             assert!(touches.iter().all(|places| !places.is_empty()), "a task that touches nothing is ordered with nobody");
-            let first = graph.count_starts.len() - 1;
+            let first = graph.counts.spans.len();
             for (index, places) in touches.iter().enumerate() {
                 let all = places.iter().chain(awaits.get(index).into_iter().flatten());
-                graph.waits.extend(all.map(|&place| Wait { place, before: tasks_at[place as usize].len() as u32 }));
-                graph.wait_starts.push(graph.waits.len());
-                graph.counts.extend(places);
-                graph.count_starts.push(graph.counts.len());
+                graph.waits.push(all.map(|&place| Wait { place, before: tasks_at[place as usize].len() as u32 }));
+                graph.counts.push(places.iter().copied());
             }
             // Registered after the whole pass, so that tasks of one pass do not wait for one another.
             for (task, places) in (first as u32..).zip(&touches) {
@@ -146,14 +137,11 @@ impl Graph {
             }
             graph.passes.push(PassRange { tasks: first..first + touches.len(), follows });
         }
-        let first_turn = graph.passes.get(once).map_or(graph.count_starts.len() - 1, |pass| pass.tasks.start) as u32;
+        let tasks = graph.counts.spans.len();
+        let first_turn = graph.passes.get(once).map_or(tasks, |pass| pass.tasks.start) as u32;
         graph.each_turn = tasks_at.iter().map(|tasks| tasks.iter().filter(|&&task| task >= first_turn).count()).collect();
-        graph.at_place_starts = vec![0];
-        for tasks in &tasks_at {
-            graph.at_place.extend(tasks);
-            graph.at_place_starts.push(graph.at_place.len());
-        }
-        graph.taken.resize_with(graph.count_starts.len() - 1, Padded::default);
+        tasks_at.into_iter().for_each(|tasks| graph.at_place.push(tasks));
+        graph.taken.resize_with(tasks, Padded::default);
         graph.done.resize_with(places, Padded::default);
         graph
     }
@@ -193,11 +181,6 @@ impl Graph {
     /// The passes that run in a turn.
     fn passes_of(&self, turn: u32) -> Range<usize> {
         if turn == 0 { 0..self.passes.len() } else { self.once..self.passes.len() }
-    }
-
-    /// What a task waits for.
-    fn waits(&self, task: usize) -> &[Wait] {
-        &self.waits[self.wait_starts[task]..self.wait_starts[task + 1]]
     }
 }
 
@@ -269,7 +252,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
 
     /// Whether all that a job waits for is done.
     fn is_ready(&self, job: Job) -> bool {
-        self.graph.waits(job.task).iter().all(|&wait| self.is_over(job, wait))
+        self.graph.waits.of(job.task as u32).iter().all(|&wait| self.is_over(job, wait))
     }
 
     /// Claims a job that is ready and runs it. Returns false if another worker has claimed it.
@@ -302,7 +285,7 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
             polls = match self.blocker(job) {
                 Some(other) => {
                     self.take(other);
-                    POLLS_AFTER_HELP
+                    POLLS
                 }
                 None if polls < POLLS_BEFORE_SLEEP => 2 * polls,
                 None => {
@@ -339,11 +322,9 @@ impl<W: Fn(&Task, u32, usize, usize) + Sync> Run<'_, W> {
     /// The unclaimed jobs that a job waits for, those of its last place first.
     fn free_before(&self, job: Job) -> impl Iterator<Item = Job> {
         let graph = self.graph;
-        let waits = graph.waits(job.task).iter().rev().filter(move |&&wait| !self.is_over(job, wait));
+        let waits = graph.waits.of(job.task as u32).iter().rev().filter(move |&&wait| !self.is_over(job, wait));
         let jobs = waits.flat_map(move |wait| {
-            let place = wait.place as usize;
-            let tasks = &graph.at_place[graph.at_place_starts[place]..graph.at_place_starts[place + 1]];
-            let (before, behind) = tasks.split_at(wait.before as usize);
+            let (before, behind) = graph.at_place.of(wait.place).split_at(wait.before as usize);
             // Of this pass and later ones, the tasks of the turn before must be done.
             let last = job.turn.checked_sub(1);
             let last = behind.iter().filter_map(move |&task| Some((last?, task)));
@@ -379,8 +360,7 @@ struct Done<'a> {
 impl Drop for Done<'_> {
     fn drop(&mut self) {
         let Done { graph, task } = *self;
-        let counts = &graph.counts[graph.count_starts[task]..graph.count_starts[task + 1]];
-        counts.iter().for_each(|&place| _ = graph.done[place as usize].0.fetch_add(1, Ordering::SeqCst));
+        graph.counts.of(task as u32).iter().for_each(|&place| _ = graph.done[place as usize].0.fetch_add(1, Ordering::SeqCst));
         if graph.sleepers.load(Ordering::SeqCst) > 0 {
             // Taking the lock ensures that no worker is between its last check and its sleep, where it would miss the
             // notification.
