@@ -146,6 +146,9 @@ impl Toy {
     /// Starts or stops the comparison with a resolved run. On a GPU, where the state arrives late, there is no
     /// comparison.
     pub fn compare(&mut self, compare: bool) {
+        if compare == self.twin.is_some() {
+            return;
+        }
         let attributes = self.preset.attributes(self.time, self.wind, self.gravity);
         self.twin = if compare && !self.on_gpu { Twin::new(&self.mesh, &self.options, &attributes) } else { None };
     }
@@ -234,7 +237,10 @@ impl Toy {
         };
         self.options.pinned.push(vertex as u32);
         (self.held, self.wanted) = (Some(x), x);
-        self.repin()?;
+        self.repin().inspect_err(|_| {
+            self.options.pinned.pop();
+            self.held = None;
+        })?;
         Ok(Some(along(&x)))
     }
 
@@ -248,11 +254,13 @@ impl Toy {
     /// # Errors
     /// If the GPU was lost.
     pub fn release(&mut self) -> Result<(), JsError> {
-        if self.held.take().is_some() {
-            self.options.pinned.pop();
-            self.repin()?;
-        }
-        Ok(())
+        let (Some(held), Some(vertex)) = (self.held, self.options.pinned.last().copied()) else { return Ok(()) };
+        self.held = None;
+        self.options.pinned.pop();
+        self.repin().inspect_err(|_| {
+            self.options.pinned.push(vertex);
+            self.held = Some(held);
+        })
     }
 
     /// Returns to the initial state.

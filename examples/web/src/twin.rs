@@ -23,10 +23,10 @@ impl Twin {
     pub(crate) fn new(mesh: &Mesh, options: &Options, attributes: &Attributes) -> Option<Twin> {
         let options =
             Options { backend: Backend::Cpu, gpu: None, method: Method::SmallSteps, levels: Levels::Off, ..options.clone() };
-        let cloth = Deformer::new(mesh, options.clone()).ok()?;
+        let mut cloth = Deformer::new(mesh, options).ok()?;
         let resolving = cloth.forecast(FRAME, attributes).ok()?.resolving;
-        let quality = Quality::Substeps(resolving.min(MOST).ceil() as u32);
-        Some(Twin { cloth: Deformer::new(mesh, Options { quality, ..options }).ok()?, frames: FRAMES, error: None })
+        cloth.set_quality(Quality::Substeps(resolving.min(MOST).ceil() as u32)).ok()?;
+        Some(Twin { cloth, frames: FRAMES, error: None })
     }
 
     pub(crate) fn set_pinned(&mut self, pinned: &[u32]) {
