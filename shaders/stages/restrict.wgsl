@@ -47,12 +47,8 @@ fn displacement_of(k: u32, w: f32) -> vec3f {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn restrict_level(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let k = item(id, groups);
+fn restrict_level(me: Invocation, group: Workgroup) {
+    let k = item(me.id, group.all);
     let aggregate = batch.first + min(k / EACH, batch.count - 1u);
     let span = spans[aggregate];
     let first = position_of(members[span.start].item).xyz;
@@ -64,15 +60,15 @@ fn restrict_level(
         dx += (at.xyz - first) * member.share;
         u += displacement_of(member.item, at.w) * member.share;
     }
-    dx_of[lane] = dx;
-    u_of[lane] = u;
+    dx_of[me.lane] = dx;
+    u_of[me.lane] = u;
     workgroupBarrier();
     if k % EACH != 0u || k / EACH >= batch.count {
         return;
     }
     for (var m = 1u; m < EACH; m++) {
-        dx += dx_of[lane + m];
-        u += u_of[lane + m];
+        dx += dx_of[me.lane + m];
+        u += u_of[me.lane + m];
     }
     averages[aggregate] = Average(vec4f(first + dx, averages[aggregate].x.w), vec4f(u, 0.0));
 }

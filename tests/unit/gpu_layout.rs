@@ -230,6 +230,8 @@ fn shared_structs_agree_member_for_member() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // These structs exist only in shaders.
             let alone = [
+                "Invocation",
+                "Workgroup",
                 "Path",
                 "Touch",
                 "Gap",
