@@ -2,6 +2,7 @@
 
 use super::{EdgeSweep, GpuEngine, Route};
 use crate::device::IN_BROWSER;
+use crate::gpu::contact::GpuContact;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::state::{PING_PONG, ping_pong};
 use crate::gpu::statistics::Counter;
@@ -24,8 +25,13 @@ impl GpuEngine {
         submission.dispatches() - before
     }
 
-    /// Encodes the substeps, each followed by contact of triangles if there is a `contact_plan`, which has the colliders.
-    pub(super) fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, contact_plan: Option<&Plan<'_>>) {
+    /// Encodes the substeps, each followed by contact of triangles if there is any; the plan beside it has the colliders.
+    pub(super) fn encode_substeps(
+        &self,
+        submission: &mut Submission<'_>,
+        plan: &Plan<'_>,
+        contact: Option<(&GpuContact, &Plan<'_>)>,
+    ) {
         let forced = self.forced(plan);
         let predicted = forced.params.predicted != 0;
         for substep in 0..plan.substeps.len() {
@@ -51,7 +57,7 @@ impl GpuEngine {
                     per_color.encode(pass, plan, group);
                 }
             }
-            if let (Some(contact), Some(contact_plan), false) = (&self.contact, contact_plan, IN_BROWSER) {
+            if let (Some((contact, contact_plan)), false) = (contact, IN_BROWSER) {
                 contact.encode(pass, contact_plan, substep, group);
             }
         }
