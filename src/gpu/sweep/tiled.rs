@@ -1,6 +1,8 @@
 //! One dispatch per substep: each workgroup processes a tile of the cloth and its halo, with bending in a single pass or with
 //! the correction by a single level if the substep has that.
 
+use std::sync::OnceLock;
+
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
@@ -32,30 +34,8 @@ pub(crate) struct Tiled {
     stage: Stage,
 }
 
-/// Tiles that do more than sweep: created when a step first needs them.
-#[derive(Debug)]
-pub(crate) enum OnDemand {
-    Untried,
-    NoRoom,
-    Made(Box<Tiled>),
-}
-
-impl OnDemand {
-    /// Makes the tiles unless that was tried before.
-    pub(crate) fn make(&mut self, make: impl FnOnce() -> Option<Tiled>) {
-        if let OnDemand::Untried = self {
-            *self = make().map_or(OnDemand::NoRoom, |made| OnDemand::Made(Box::new(made)));
-        }
-    }
-
-    pub(crate) fn made(&self) -> Option<&Tiled> {
-        if let OnDemand::Made(tiled) = self { Some(tiled) } else { None }
-    }
-
-    pub(crate) fn made_mut(&mut self) -> Option<&mut Tiled> {
-        if let OnDemand::Made(tiled) = self { Some(tiled) } else { None }
-    }
-}
+/// Tiles that do more than sweep: made when a step first needs them; `None` if there is no room for them.
+pub(crate) type OnDemand = OnceLock<Option<Box<Tiled>>>;
 
 /// The buffers that tiles work on besides their table.
 #[derive(Debug, Clone, Copy)]
