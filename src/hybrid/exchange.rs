@@ -178,7 +178,8 @@ impl Exchange {
         let outbox = self.outbox.get_mapped_range_mut(..).map_err(GpuFault::other)?;
         let inbox = self.inbox.get_mapped_range(..).map_err(GpuFault::other)?;
         let is_aligned = bytemuck::try_cast_slice::<u8, Vec3>(&inbox).is_ok();
-        let outbox = MappedVectors::new(outbox).filter(|_| is_aligned).ok_or("the device maps buffers at odd addresses")?;
+        let outbox = MappedVectors::new(outbox).filter(|_| is_aligned);
+        let outbox = outbox.ok_or_else(|| GpuFault::other("the device maps buffers at odd addresses"))?;
         Ok(Mapped { outbox, inbox, vertices: self.vertices as usize })
     }
 
