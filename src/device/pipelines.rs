@@ -20,6 +20,13 @@ pub(crate) struct Shader {
     pub source: &'static [&'static str],
 }
 
+impl Shader {
+    /// An entry point without constants.
+    pub(crate) fn entry(self, name: &'static str) -> Entry<'static> {
+        Entry { shader: self, name, constants: &[] }
+    }
+}
+
 /// An entry point of a shader, with the values of its overridable constants.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Entry<'a> {

@@ -10,7 +10,7 @@ pub(crate) const WORKGROUP: usize = 64;
 const SUBGROUP: usize = 32;
 /// Most workgroups in one dimension of a dispatch.
 const MAX_GROUPS: usize = 65_535;
-/// Distance (bytes) between slots of a dynamic uniform: the largest alignment that a device may ask for, which bounds its size, too.
+/// Distance (bytes) between slots of a dynamic uniform, and its largest size: the largest alignment that a device may ask for.
 pub(crate) const SLOT: usize = 256;
 
 /// A range of items for one dispatch: `Batch` of `dispatch.wgsl`.

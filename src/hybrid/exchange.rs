@@ -124,8 +124,7 @@ impl Exchange {
             Stage::new(gpu, &forces.uniforms, entry, &[bound])
         });
         let bound = vec![Bind::Unused, Bind::Unused, Bind::Unused, Bind::Read(&forces.u), Bind::Write(given)];
-        let entry = Entry { shader: shaders::EXCHANGE, name: "leave", constants: &[] };
-        let leave = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
+        let leave = Stage::new(gpu, &forces.uniforms, shaders::EXCHANGE.entry("leave"), &[bound]);
         let [sent, given] = copies;
         Exchange { arrive, leave, vertices, asked: false, ready: Arc::default(), outbox, inbox, sent, given }
     }

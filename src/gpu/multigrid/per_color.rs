@@ -1,6 +1,6 @@
 //! Sweeping levels with one dispatch per color, for any mesh.
 
-use crate::device::{Entry, Gpu};
+use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, Bind, ComputePass, Stage, batches, slot};
@@ -56,7 +56,7 @@ impl LevelsPerColor {
                 Bind::Write(shift),
                 Bind::Write(&forces.u),
             ];
-            Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::LEVELS_PER_COLOR, name, constants: &[] }, &[bound])
+            Stage::new(gpu, &forces.uniforms, shaders::LEVELS_PER_COLOR.entry(name), &[bound])
         };
         let [begin, prolongate, sweep, note] =
             ["begin_at", "prolongate", "sweep_coarse", "note_shift"].map(|name| stage(name, &labels));

@@ -112,10 +112,10 @@ impl Tiled {
         let word = |byte: usize| (byte / size_of::<u32>()) as f64;
         let mut constants = tiles.constants(invocations).to_vec();
         constants.extend([("TETHERS", word(at.tethers)), ("PINS", word(at.pins))]);
-        let mut entry = Entry { shader: shaders::PLAIN_TILE, name: "substep_of_tile", constants: &[] };
+        let mut entry = shaders::PLAIN_TILE.entry("substep_of_tile");
         if let Some(Rings { table: entries, swept, bent, ring }) = rings {
             gpu.write(&table, at.rings, entries);
-            entry = Entry { shader: shaders::BENT_TILE, name: "substep_of_bent_tile", ..entry };
+            entry = shaders::BENT_TILE.entry("substep_of_bent_tile");
             constants.extend([("ROWS", word(at.rows)), ("RINGS", word(at.rings))]);
             let numbers = [("FORCED", *swept), ("BENT", *bent), ("RING", *ring)];
             constants.extend(numbers.map(|(name, value)| (name, value as f64)));
@@ -123,7 +123,7 @@ impl Tiled {
         }
         if let Some(of_level) = &level {
             gpu.write(&table, at.level, &of_level.table);
-            entry = Entry { shader: shaders::CORRECTED_TILE, name: "substep_of_corrected_tile", ..entry };
+            entry = shaders::CORRECTED_TILE.entry("substep_of_corrected_tile");
             let numbers = [("LEVEL_ROOM", of_level.largest), ("LEVEL_WIDTH", of_level.widest), ("LEVEL_COLORS", of_level.colors)];
             constants.push(("LEVEL_TABLE", word(at.level)));
             constants.extend(numbers.map(|(name, value)| (name, value as f64)));
