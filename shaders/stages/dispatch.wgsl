@@ -25,6 +25,8 @@ struct Workgroup {
 }
 
 const WORKGROUP: u32 = 64u;
+// No index: greater than all.
+const NONE: u32 = 0xffffffffu;
 
 // Large dispatches are folded into two dimensions, because one dimension is limited to 65535 workgroups.
 fn item(id: vec3u, groups: vec3u) -> u32 {

@@ -23,15 +23,6 @@ override EACH: u32 = 16u;
 var<workgroup> dx_of: array<vec3f, WORKGROUP>;
 var<workgroup> u_of: array<vec3f, WORKGROUP>;
 
-// A vertex's predicted displacement in this substep. `motion` already is that if a prediction stage ran, otherwise it
-// is the last displacement.
-fn motion_displacement(motion: vec3f, w: f32, substep: Substep) -> vec3f {
-    if params.predicted != 0u {
-        return motion;
-    }
-    return select(predict_displacement(motion, substep), vec3f(), w == 0.0);
-}
-
 fn position_of(k: u32) -> vec4f {
     if OF_VERTICES {
         return x[k];
@@ -39,11 +30,16 @@ fn position_of(k: u32) -> vec4f {
     return averages[k].x;
 }
 
+// The predicted displacement in this substep. That of a vertex is in `motion` if a prediction stage ran; otherwise it is
+// computed from the last displacement, which is there then.
 fn displacement_of(k: u32, w: f32) -> vec3f {
-    if OF_VERTICES {
-        return motion_displacement(motion[k].xyz, w, substep);
+    if !OF_VERTICES {
+        return averages[k].u.xyz;
     }
-    return averages[k].u.xyz;
+    if params.predicted != 0u {
+        return motion[k].xyz;
+    }
+    return select(predict_displacement(motion[k].xyz, substep), vec3f(), w == 0.0);
 }
 
 @compute @workgroup_size(WORKGROUP)

@@ -155,12 +155,11 @@ impl Bending {
         let room = tiles.largest.next_multiple_of(ROOMS).min(most);
         let table = gpu.filled("bend tiles", &tiles.table);
         let longest = tiles.longest.next_multiple_of(ROOMS).min(most);
-        let numbers = IN_TILE[usize::from(filtered)] / size_of::<f32>() * room;
         let constants = [
             ("LANES", lanes(gpu, room)),
             ("BENT", room),
-            ("MOMENTS", numbers),
-            ("HELD", HELD / size_of::<f32>() * longest),
+            ("MOMENTS", IN_TILE[usize::from(filtered)] / size_of::<[f32; 3]>() * room),
+            ("HELD", longest),
             ("FILTERED", usize::from(filtered)),
         ];
         let constants = constants.map(|(name, value)| (name, value as f64));

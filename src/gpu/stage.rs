@@ -6,6 +6,8 @@ use crate::device::{Entry, Gpu, Pipeline};
 
 /// Invocations per workgroup: `WORKGROUP` of `dispatch.wgsl`.
 pub(crate) const WORKGROUP: usize = 64;
+/// No index of an edge, label, pin or place: `NONE` of `dispatch.wgsl`.
+pub(crate) const NONE: u32 = u32::MAX;
 /// Invocations per subgroup, on most devices.
 const SUBGROUP: usize = 32;
 /// Most workgroups in one dimension of a dispatch.

@@ -3,8 +3,7 @@
 use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, ComputePass, Stage, batches, slot};
-use crate::gpu::tiles::NO_EDGE;
+use crate::gpu::stage::{Batch, Bind, ComputePass, NONE, Stage, batches, slot};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
@@ -42,7 +41,7 @@ impl LevelsPerColor {
         for (level, above) in levels[1..].iter().zip(&aggregates[1..]) {
             labels.extend(level.label.iter().map(|label| above.first + label));
         }
-        labels.resize(labels.len() + levels[levels.len() - 1].inverse_mass.len(), NO_EDGE);
+        labels.resize(labels.len() + levels[levels.len() - 1].inverse_mass.len(), NONE);
         let labels = gpu.filled("labels", &labels);
         let of_vertices = gpu.filled("labels of vertices", &levels[0].label);
         let corrected = gpu.buffer("corrected", shift.size());

@@ -7,12 +7,12 @@ use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, ComputePass, Sent, Stage, lanes};
+use crate::gpu::stage::{Bind, ComputePass, NONE, Sent, Stage, lanes};
 use crate::gpu::state::{PING_PONG, StateBuffers, groups};
 use crate::gpu::sweep::level::with_level;
 use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
-use crate::gpu::tiles::{NO_EDGE, Tiles};
+use crate::gpu::tiles::Tiles;
 use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
@@ -117,9 +117,8 @@ impl Tiled {
             gpu.write(&table, at.rings, entries);
             entry = shaders::BENT_TILE.entry("substep_of_bent_tile");
             constants.extend([("ROWS", word(at.rows)), ("RINGS", word(at.rings))]);
-            let numbers = [("FORCED", *swept), ("BENT", *bent), ("RING", *ring)];
+            let numbers = [("FORCED", *swept), ("BENT", *bent), ("RING", *ring), ("MOMENTS", 2 * bent)];
             constants.extend(numbers.map(|(name, value)| (name, value as f64)));
-            constants.push(("MOMENTS", (6 * bent) as f64));
         }
         if let Some(of_level) = &level {
             gpu.write(&table, at.level, &of_level.table);
@@ -194,11 +193,11 @@ impl Tiled {
     }
 }
 
-/// For each vertex its index among the pins, which are sorted by vertex; [`NO_EDGE`] for all others.
+/// For each vertex its index among the pins, which are sorted by vertex; [`NONE`] for all others.
 fn index_of_pins(cloth: &Cloth) -> Vec<u32> {
     let mut pinned = cloth.pinned.clone();
     pinned.sort_unstable();
-    let mut index = vec![NO_EDGE; cloth.rest.len()];
+    let mut index = vec![NONE; cloth.rest.len()];
     pinned.iter().zip(0..).for_each(|(&vertex, k)| index[vertex as usize] = k);
     index
 }
