@@ -51,8 +51,8 @@ pub(crate) struct GpuEngine {
     pub(crate) corrected: OnDemand,
     /// Created when a step first uses levels.
     pub(crate) multigrid: Option<Multigrid>,
-    /// Aggregates that fit into a tile.
-    pub(crate) room: usize,
+    /// Most aggregates of a tile.
+    pub(crate) max_aggregates: usize,
     /// Whether a single workgroup is the fastest route even for a cloth alone. `single_workgroup` is created when a step
     /// first uses it.
     small: bool,
@@ -139,7 +139,7 @@ impl GpuEngine {
                 bent: OnDemand::new(),
                 corrected: OnDemand::new(),
                 multigrid: None,
-                room: size.room * IN_TILE / IN_LEVEL_TILE,
+                max_aggregates: size.room * IN_TILE / IN_LEVEL_TILE,
                 small: route == Route::SingleWorkgroup,
                 single_workgroup: None,
                 contact: None,
@@ -286,14 +286,14 @@ impl GpuEngine {
         if plan.coefficients.levels.is_empty() || route == Route::SingleWorkgroup {
             return (route, false);
         }
-        let GpuEngine { gpu, forces, sweep, multigrid, room, .. } = self;
+        let GpuEngine { gpu, forces, sweep, multigrid, max_aggregates, .. } = self;
         let are_new = multigrid.is_none();
         let multigrid = multigrid.get_or_insert_with(|| {
             if let EdgeSweep::Tiled(tiled) = sweep {
                 tiled.set_labels(gpu, &plan.levels[0].label);
             }
-            let room = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*room);
-            Multigrid::new(gpu, plan.cloth, plan.levels, forces, room)
+            let in_tile = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*max_aggregates);
+            Multigrid::new(gpu, plan.cloth, plan.levels, forces, in_tile)
         });
         multigrid.prepare(gpu, plan);
         self.make_corrected(plan);

@@ -401,7 +401,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     for (room, in_tiles) in [(of_level[0] - 1, Some(1)), (10, None)] {
         let size = TileSize { own: 100, room: 700, bytes: usize::MAX };
         let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
-        engine.room = room;
+        engine.max_aggregates = room;
         let mut engine = Engine::Gpu(Box::new(engine));
         let (x_gpu, _) = play(&mut engine, &cloth, &options, false, 3);
         let Engine::Gpu(engine) = &engine else { unreachable!("made above") };

@@ -111,7 +111,7 @@ impl GpuEngine {
     /// overlap less.
     pub(super) fn make_corrected(&self, plan: &Plan<'_>) {
         if let (EdgeSweep::Tiled(tiled), [level, ..], 1) = (&self.sweep, plan.levels, plan.params.levels) {
-            let fits = level.inverse_mass.len() <= self.room;
+            let fits = level.inverse_mass.len() <= self.max_aggregates;
             let make = || tiled.corrected(&self.gpu, plan.cloth, level, self.inputs()).map(Box::new);
             self.corrected.get_or_init(|| if fits { make() } else { None });
         }
