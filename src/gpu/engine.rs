@@ -7,6 +7,8 @@ mod encode;
 mod route;
 mod state;
 
+use std::sync::{Arc, OnceLock};
+
 use glam::Vec4;
 
 use crate::device::fault::GpuFault;
@@ -68,8 +70,8 @@ pub(crate) struct GpuEngine {
     counter: Option<Counter>,
     counts: bool,
     report: Report,
-    /// Created when the cloth is first drawn.
-    normals: Option<Normals>,
+    /// Created when the cloth, or a render mesh bound to it, is first drawn.
+    normals: OnceLock<Arc<Normals>>,
     /// Number of dispatches of the last step, each of which waits for the one before.
     dispatches: usize,
     /// The error that kept a step from being prepared. Later steps fail with it too, because buffers may be incomplete.
@@ -147,7 +149,7 @@ impl GpuEngine {
                 readback,
                 counter: None,
                 counts: false,
-                normals: None,
+                normals: OnceLock::new(),
                 dispatches: 0,
                 broken: None,
             })
@@ -172,7 +174,7 @@ impl GpuEngine {
         let gauged = made.gpu.checked(gauge)?;
         // Read-backs that are under way still arrive.
         std::mem::swap(&mut made.readback, &mut self.readback);
-        (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, self.normals.take());
+        (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, std::mem::take(&mut self.normals));
         made.counter.iter_mut().zip(gauged).for_each(|(counter, gauged)| counter.replace(gauged));
         made.contact = self.contact.take();
         made.contact.iter_mut().for_each(|contact| contact.unbind());

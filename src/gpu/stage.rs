@@ -173,7 +173,7 @@ impl Stage {
     }
 }
 
-/// A stage that is submitted by itself, with an invocation for each item. It takes all numbers from its buffers.
+/// A stage that no step contains, with an invocation for each item. It takes all numbers from its buffers.
 #[derive(Debug)]
 pub(crate) struct SubmittedStage {
     /// Empty: there are no uniforms.
@@ -189,13 +189,15 @@ impl SubmittedStage {
         SubmittedStage { uniforms, stage, items }
     }
 
-    pub(crate) fn submit(&self, gpu: &Gpu) {
+    /// Submits stages together, each of which waits for the one before.
+    pub(crate) fn submit(gpu: &Gpu, stages: &[&SubmittedStage]) {
         let mut encoder = gpu.encoder();
-        {
-            let mut pass = ComputePass::new(&mut encoder);
-            self.uniforms.set(&mut pass, 0, &[]);
-            self.stage.dispatch(&mut pass, 0, &[], self.items);
+        let mut pass = ComputePass::new(&mut encoder);
+        for SubmittedStage { uniforms, stage, items } in stages {
+            uniforms.set(&mut pass, 0, &[]);
+            stage.dispatch(&mut pass, 0, &[], *items);
         }
+        drop(pass);
         gpu.queue().submit([encoder.finish()]);
     }
 }

@@ -31,7 +31,7 @@ pub struct Surface {
 #[derive(Debug)]
 pub(crate) struct Normals {
     pub surface: Surface,
-    stage: SubmittedStage,
+    pub stage: SubmittedStage,
 }
 
 impl Normals {
@@ -50,10 +50,5 @@ impl Normals {
         let stage = SubmittedStage::new(gpu, shaders::NORMALS.entry("gather_normals"), bound, cloth.rest.len());
         let surface = Surface { positions: positions.clone(), normals, indices, index_count: corners.len() as u32 };
         Normals { surface, stage }
-    }
-
-    /// Submits the computation of the normals after the steps so far.
-    pub(crate) fn submit(&self, gpu: &Gpu) {
-        self.stage.submit(gpu);
     }
 }
