@@ -1,8 +1,5 @@
 // The range of numbers that a state may hold.
 
-// No index: greater than all.
-const NONE: u32 = 0xffffffffu;
-
 // Farther out [m], squares soon overflow. The comparison is of bits, which order magnitudes like integers and put
 // infinity and NaN above all numbers; in a comparison of floats a shader compiler may assume that no value is NaN.
 const MAX_POSITION: f32 = 1e15;

@@ -57,7 +57,7 @@ impl Engine {
     #[cfg(feature = "gpu")]
     pub(crate) fn new(cloth: &Cloth, options: &Options) -> Result<Engine, BuildError> {
         let find = |software: bool| match &options.gpu {
-            Some(gpu) if gpu.is_software() && !software => Err("it is a software driver".into()),
+            Some(gpu) if gpu.is_software() && !software => Err(GpuFault::other("it is a software driver")),
             Some(gpu) => Ok(gpu.clone()),
             None => Gpu::shared(software),
         };

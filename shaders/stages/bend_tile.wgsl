@@ -2,10 +2,10 @@
 // its own vertices, the workgroup holds the rings around them on which they depend through the passes. It recomputes those
 // without storing them; each stage covers one ring less than the one before.
 
-// Invocations of a workgroup, numbers of all vertices that a tile holds, and whether there are several passes. How many says
-// the last of them.
+// Invocations of a workgroup, vertices that a tile has room for, and whether there are several passes. How many says the last
+// of them.
 override LANES: u32 = 64u;
-override HELD: u32 = 384u;
+override HELD: u32 = 64u;
 override FILTERED: bool = false;
 
 @group(1) @binding(4) var<storage, read> rows: array<BendRow>;
@@ -19,7 +19,7 @@ override FILTERED: bool = false;
 
 // The position and the last displacement of each vertex: a neighbor's would otherwise take two reads of memory, one
 // after the other.
-var<workgroup> held: array<f32, HELD>;
+var<workgroup> held: array<array<f32, 6>, HELD>;
 
 // Where the tile's list of vertices and its slices start.
 var<private> list: u32;
@@ -42,23 +42,18 @@ fn row_of(k: u32) -> BendRow {
 }
 
 fn bent_x(k: u32) -> vec3f {
-    return vec3f(held[6u * k], held[6u * k + 1u], held[6u * k + 2u]);
+    return vec3f(held[k][0], held[k][1], held[k][2]);
 }
 
 fn bent_p(k: u32) -> vec3f {
-    return vec3f(held[6u * k + 3u], held[6u * k + 4u], held[6u * k + 5u]);
+    return vec3f(held[k][3], held[k][4], held[k][5]);
 }
 
 fn hold(k: u32) {
     let v = table[list + k];
     let x_k = x[v];
     let p_k = p[v];
-    held[6u * k] = x_k.x;
-    held[6u * k + 1u] = x_k.y;
-    held[6u * k + 2u] = x_k.z;
-    held[6u * k + 3u] = p_k.x;
-    held[6u * k + 4u] = p_k.y;
-    held[6u * k + 5u] = p_k.z;
+    held[k] = array<f32, 6>(x_k.x, x_k.y, x_k.z, p_k.x, p_k.y, p_k.z);
 }
 
 // Predicts the displacement of a vertex under the moments.

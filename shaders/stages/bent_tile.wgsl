@@ -38,34 +38,30 @@ fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
 }
 
 @compute @workgroup_size(LANES)
-fn substep_of_bent_tile(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = tile_of(group, groups);
+fn substep_of_bent_tile(me: Invocation, group: Workgroup) {
+    let tile = number_of(group);
     if tile >= TILES {
         return;
     }
-    let bent = min(lane, BENT - 1u);
+    let bent = min(me.lane, BENT - 1u);
     let entries = entries_of(tile, bent);
     let four = fetch_four_entries(entries, 0u);
     let next = fetch_four_entries(entries, 4u);
     let edges = edges_of(tile);
-    let first = fetch_four(edges, 0u, lane);
+    let first = fetch_four(edges, 0u, me.lane);
     let own = own_vertices(tile);
-    let k = min(lane, ROOM - 1u);
+    let k = min(me.lane, ROOM - 1u);
     let v = vertex_at(tile, k);
     let x_v = x[v];
     let p_v = motion[v].xyz;
     let row = row_of(v);
-    if lane < ROOM {
+    if me.lane < ROOM {
         tile_x[k] = x_v;
         tile_u[k] = vec4f(p_v, 0.0);
     }
     workgroupBarrier();
     var moment = Moment();
-    if lane < BENT {
+    if me.lane < BENT {
         var ring = Ring();
         add_four_entries(&ring, k, substep.rate, four);
         add_four_entries(&ring, k, substep.rate, next);
@@ -77,7 +73,7 @@ fn substep_of_bent_tile(
         set_bend_vector(couple_at(k), moment.couple);
     }
     workgroupBarrier();
-    if lane < FORCED {
+    if me.lane < FORCED {
         var u_v = free_displacement(v, x_v, p_v);
         if x_v.w != 0.0 {
             var force = moment.moment * -row.diagonal;
@@ -91,5 +87,5 @@ fn substep_of_bent_tile(
         tile_u[k] = vec4f(u_v, 0.0);
     }
     workgroupBarrier();
-    sweep_and_move(tile, own, edges, first, lane);
+    sweep_and_move(tile, own, edges, first, me.lane);
 }

@@ -36,26 +36,22 @@ fn edges_of_level(tile: u32) -> ColoredEdges {
 }
 
 @compute @workgroup_size(LANES)
-fn substep_of_corrected_tile(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = tile_of(group, groups);
+fn substep_of_corrected_tile(me: Invocation, group: Workgroup) {
+    let tile = number_of(group);
     if tile >= TILES {
         return;
     }
     let edges_above = edges_of_level(tile);
-    let first_above = fetch_four(edges_above, 0u, lane);
+    let first_above = fetch_four(edges_above, 0u, me.lane);
     let edges = edges_of(tile);
-    let first = fetch_four(edges, 0u, lane);
+    let first = fetch_four(edges, 0u, me.lane);
     let own = own_vertices(tile);
-    let k = min(lane, ROOM - 1u);
+    let k = min(me.lane, ROOM - 1u);
     let v = vertex_at(tile, k);
     let label = label_at(tile, k);
     let x_v = x[v];
     var u_v = motion[v].xyz;
-    for (var k = lane; k < LEVEL_ROOM; k += LANES) {
+    for (var k = me.lane; k < LEVEL_ROOM; k += LANES) {
         let average = averages[aggregate_at(tile, k)];
         tile_x[k] = average.x;
         tile_u[k] = average.u;
@@ -66,16 +62,16 @@ fn substep_of_corrected_tile(
     }
     workgroupBarrier();
     on_level = true;
-    sweep(edges_above, first_above, lane);
+    sweep(edges_above, first_above, me.lane);
     on_level = false;
-    for (var k = lane; k < LEVEL_ROOM; k += LANES) {
+    for (var k = me.lane; k < LEVEL_ROOM; k += LANES) {
         of_level[k] = tile_u[k] - of_level[k];
     }
     workgroupBarrier();
-    if lane < ROOM {
+    if me.lane < ROOM {
         tile_x[k] = x_v;
         tile_u[k] = vec4f(u_v + of_level[label].xyz, 0.0);
     }
     workgroupBarrier();
-    sweep_and_move(tile, own, edges, first, lane);
+    sweep_and_move(tile, own, edges, first, me.lane);
 }

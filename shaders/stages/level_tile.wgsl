@@ -15,19 +15,15 @@ fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
 }
 
 @compute @workgroup_size(LANES)
-fn sweep_of_level_tile(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = tile_of(group, groups);
+fn sweep_of_level_tile(me: Invocation, group: Workgroup) {
+    let tile = number_of(group);
     if tile >= TILES {
         return;
     }
     let edges = edges_of(tile);
-    let first = fetch_four(edges, 0u, lane);
+    let first = fetch_four(edges, 0u, me.lane);
     let own = own_vertices(tile);
-    for (var k = lane; k < ROOM; k += LANES) {
+    for (var k = me.lane; k < ROOM; k += LANES) {
         let v = vertex_at(tile, k);
         let above = label_at(tile, k);
         let average = averages[v];
@@ -39,8 +35,8 @@ fn sweep_of_level_tile(
         }
     }
     workgroupBarrier();
-    sweep(edges, first, lane);
-    for (var k = lane; k < own; k += LANES) {
+    sweep(edges, first, me.lane);
+    for (var k = me.lane; k < own; k += LANES) {
         shift[vertex_at(tile, k)] = tile_u[k] - tile_predicted[k];
     }
 }

@@ -139,7 +139,7 @@ struct Descent {
 // At a level, where so many colors are `skipped` because their levels are not in use.
 fn descent_at(level: u32, skipped: u32) -> Descent {
     if level == 0u {
-        return Descent(0u, NO_EDGE);
+        return Descent(0u, NONE);
     }
     return Descent(level, first_color(level - 1u) - skipped);
 }

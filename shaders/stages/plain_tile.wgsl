@@ -8,19 +8,15 @@ fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
 }
 
 @compute @workgroup_size(LANES)
-fn substep_of_tile(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = tile_of(group, groups);
+fn substep_of_tile(me: Invocation, group: Workgroup) {
+    let tile = number_of(group);
     if tile >= TILES {
         return;
     }
     let edges = edges_of(tile);
-    let first = fetch_four(edges, 0u, lane);
+    let first = fetch_four(edges, 0u, me.lane);
     let own = own_vertices(tile);
-    for (var k = lane; k < ROOM; k += LANES) {
+    for (var k = me.lane; k < ROOM; k += LANES) {
         let v = vertex_at(tile, k);
         let x_v = x[v];
         var u_v = motion[v].xyz;
@@ -35,5 +31,5 @@ fn substep_of_tile(
         tile_u[k] = vec4f(u_v + corrected, 0.0);
     }
     workgroupBarrier();
-    sweep_and_move(tile, own, edges, first, lane);
+    sweep_and_move(tile, own, edges, first, me.lane);
 }

@@ -23,15 +23,6 @@ override EACH: u32 = 16u;
 var<workgroup> dx_of: array<vec3f, WORKGROUP>;
 var<workgroup> u_of: array<vec3f, WORKGROUP>;
 
-// A vertex's predicted displacement in this substep. `motion` already is that if a prediction stage ran, otherwise it
-// is the last displacement.
-fn motion_displacement(motion: vec3f, w: f32, substep: Substep) -> vec3f {
-    if params.predicted != 0u {
-        return motion;
-    }
-    return select(predict_displacement(motion, substep), vec3f(), w == 0.0);
-}
-
 fn position_of(k: u32) -> vec4f {
     if OF_VERTICES {
         return x[k];
@@ -39,20 +30,21 @@ fn position_of(k: u32) -> vec4f {
     return averages[k].x;
 }
 
+// The predicted displacement in this substep. That of a vertex is in `motion` if a prediction stage ran; otherwise it is
+// computed from the last displacement, which is there then.
 fn displacement_of(k: u32, w: f32) -> vec3f {
-    if OF_VERTICES {
-        return motion_displacement(motion[k].xyz, w, substep);
+    if !OF_VERTICES {
+        return averages[k].u.xyz;
     }
-    return averages[k].u.xyz;
+    if params.predicted != 0u {
+        return motion[k].xyz;
+    }
+    return select(predict_displacement(motion[k].xyz, substep), vec3f(), w == 0.0);
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn restrict_level(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let k = item(id, groups);
+fn restrict_level(me: Invocation, group: Workgroup) {
+    let k = item(me.id, group.all);
     let aggregate = batch.first + min(k / EACH, batch.count - 1u);
     let span = spans[aggregate];
     let first = position_of(members[span.start].item).xyz;
@@ -64,15 +56,15 @@ fn restrict_level(
         dx += (at.xyz - first) * member.share;
         u += displacement_of(member.item, at.w) * member.share;
     }
-    dx_of[lane] = dx;
-    u_of[lane] = u;
+    dx_of[me.lane] = dx;
+    u_of[me.lane] = u;
     workgroupBarrier();
     if k % EACH != 0u || k / EACH >= batch.count {
         return;
     }
     for (var m = 1u; m < EACH; m++) {
-        dx += dx_of[lane + m];
-        u += u_of[lane + m];
+        dx += dx_of[me.lane + m];
+        u += u_of[me.lane + m];
     }
     averages[aggregate] = Average(vec4f(first + dx, averages[aggregate].x.w), vec4f(u, 0.0));
 }

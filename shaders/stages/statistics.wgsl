@@ -12,21 +12,17 @@ var<workgroup> speeds: array<atomic<u32>, CLASSES>;
 var<workgroup> sums: array<vec2f, WORKGROUP>;
 
 @compute @workgroup_size(WORKGROUP)
-fn count(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    for (var bin = lane; bin < CLASSES; bin += WORKGROUP) {
+fn count(me: Invocation, group: Workgroup) {
+    for (var bin = me.lane; bin < CLASSES; bin += WORKGROUP) {
         atomicStore(&stretches[bin], 0u);
         atomicStore(&speeds[bin], 0u);
     }
     workgroupBarrier();
     var sum = vec2f(0.0);
-    let all = groups.x * groups.y * WORKGROUP;
+    let all = group.all.x * group.all.y * WORKGROUP;
     var worst = 0.0;
     var crushed = 0u;
-    for (var i = item(id, groups); i < arrayLength(&gauges); i += all) {
+    for (var i = item(me.id, group.all); i < arrayLength(&gauges); i += all) {
         let gauge = gauges[i];
         let across = length(x[gauge.ends.x].xyz - x[gauge.ends.y].xyz);
         let stretched = stretch(across, gauge.inverse_rest);
@@ -38,7 +34,7 @@ fn count(
     var fastest = 0.0;
     var low = vec3f(MAX_POSITION);
     var high = vec3f(-MAX_POSITION);
-    for (var i = item(id, groups); i < params.used; i += all) {
+    for (var i = item(me.id, group.all); i < params.used; i += all) {
         low = min(low, x[i].xyz);
         high = max(high, x[i].xyz);
         if x[i].w > 0.0 {
@@ -55,9 +51,9 @@ fn count(
         atomicMin(&statistics.low[axis], ordered(low[axis]));
         atomicMax(&statistics.high[axis], ordered(high[axis]));
     }
-    sums[lane] = sum;
+    sums[me.lane] = sum;
     workgroupBarrier();
-    for (var bin = lane; bin < CLASSES; bin += WORKGROUP) {
+    for (var bin = me.lane; bin < CLASSES; bin += WORKGROUP) {
         let stretched = atomicLoad(&stretches[bin]);
         let fast = atomicLoad(&speeds[bin]);
         if stretched > 0u { atomicAdd(&statistics.stretch[bin], stretched); }
@@ -65,10 +61,10 @@ fn count(
     }
     // A tree reduction, whose order of summation is always the same.
     for (var half = WORKGROUP / 2u; half > 0u; half /= 2u) {
-        if lane < half { sums[lane] += sums[lane + half]; }
+        if me.lane < half { sums[me.lane] += sums[me.lane + half]; }
         workgroupBarrier();
     }
-    if lane == 0u {
+    if me.lane == 0u {
         atomicAdd(&statistics.mean_stretch, u32(sums[0].x * (ONE / f32(WHOLE)) + 0.5));
         atomicAdd(&statistics.slow, u32(sums[0].y * (SLOW_PARTS / (SLOW * SLOW)) + 0.5));
     }

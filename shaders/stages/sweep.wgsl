@@ -25,12 +25,10 @@ struct FourColors {
     d: StoredEdge,
 }
 
-const NO_EDGE: u32 = 0xffffffffu;
-
 // Edge number k of a color. Colors past the last one return unspecified edges, which must not be used.
 fn fetch(edges: ColoredEdges, color: u32, k: u32) -> StoredEdge {
     if k >= edges.width {
-        return StoredEdge(NO_EDGE, 0u, 0u);
+        return StoredEdge(NONE, 0u, 0u);
     }
     let at = edges.start + 3u * edges.width * color + k;
     return StoredEdge(table[at], table[at + edges.width], table[at + 2u * edges.width]);
@@ -46,7 +44,7 @@ fn fetch_four(edges: ColoredEdges, color: u32, lane: u32) -> FourColors {
 }
 
 fn correct_stored(stored: StoredEdge) {
-    if stored.ends != NO_EDGE {
+    if stored.ends != NONE {
         let a = stored.ends & 0xffffu;
         correct(Edge(a, stored.ends >> 16u, bitcast<f32>(stored.inverse_rest), bitcast<f32>(stored.inverse_weight)));
     }

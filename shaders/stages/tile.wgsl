@@ -33,7 +33,7 @@ fn free_displacement(v: u32, x_v: vec4f, p_v: vec3f) -> vec3f {
     if x_v.w != 0.0 {
         return predict_displacement(p_v, substep);
     }
-    if params.pins != 0u && table[PINS + v] != NO_EDGE {
+    if params.pins != 0u && table[PINS + v] != NONE {
         return pin_displacement(pin_of(v), x_v.xyz, substep);
     }
     return vec3f();

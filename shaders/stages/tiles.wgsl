@@ -16,11 +16,6 @@ override TILES: u32 = 1u;
 // aggregates of those vertices; then for each tile its edges.
 @group(1) @binding(0) var<storage, read> table: array<u32>;
 
-// The tile of a workgroup; in the last row of a dispatch there may be workgroups without one, from `TILES` on.
-fn tile_of(group: vec3u, groups: vec3u) -> u32 {
-    return group.x + group.y * groups.x;
-}
-
 fn own_vertices(tile: u32) -> u32 {
     return table[tile];
 }

@@ -8,7 +8,7 @@ fn check_edges(tile: u32, mark: u32, lane: u32) {
     let color = found.steps % max(COLORS, 1u);
     for (var k = lane; k < WIDTH; k += LANES) {
         let stored = fetch(edges_of(tile), color, k);
-        if stored.ends == NO_EDGE || bitcast<f32>(stored.inverse_weight) == 0.0 {
+        if stored.ends == NONE || bitcast<f32>(stored.inverse_weight) == 0.0 {
             continue;
         }
         if is_long(position_at(stored.ends & 0xffffu) - position_at(stored.ends >> 16u)) {

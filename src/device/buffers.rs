@@ -5,6 +5,13 @@ use bytemuck::Pod;
 use crate::device::Gpu;
 use crate::device::fault::{Excess, GpuFault};
 
+/// A [`Need`] that a field of [`wgpu::Limits`] limits.
+macro_rules! need {
+    ($limits:ident, $thing:literal, $needed:expr, $limit:ident) => {
+        ($thing, $needed, stringify!($limit), u64::from($limits.$limit))
+    };
+}
+
 impl Gpu {
     /// The largest storage buffer (bytes), with the name of the limit that decides.
     fn most_bytes(&self) -> (&'static str, u64) {
@@ -20,49 +27,32 @@ impl Gpu {
 
     /// Fails if the device is lost, lacks what every stage needs, or cannot hold a storage buffer of `bytes`.
     pub(crate) fn meets(&self, thing: &'static str, bytes: u64) -> Result<(), GpuFault> {
-        let limits = self.device().limits();
-        let (limit, allowed) = self.most_bytes();
-        // What wgpu's defaults allow in any case, in the words of its limits.
-        let counts = [
-            (
-                "storage buffers of a stage",
-                8,
-                "max_storage_buffers_per_shader_stage",
-                limits.max_storage_buffers_per_shader_stage,
-            ),
-            (
-                "uniform buffers of a stage",
-                3,
-                "max_uniform_buffers_per_shader_stage",
-                limits.max_uniform_buffers_per_shader_stage,
-            ),
-            (
-                "uniform buffers with an offset",
-                2,
-                "max_dynamic_uniform_buffers_per_pipeline_layout",
-                limits.max_dynamic_uniform_buffers_per_pipeline_layout,
-            ),
-            ("bind groups", 2, "max_bind_groups", limits.max_bind_groups),
-            ("bindings of a group", 18, "max_bindings_per_bind_group", limits.max_bindings_per_bind_group),
-            ("workgroups", 65_535, "max_compute_workgroups_per_dimension", limits.max_compute_workgroups_per_dimension),
-        ];
-        let uniforms = ("uniforms", 4096, "max_uniform_buffer_binding_size", limits.max_uniform_buffer_binding_size);
-        let counts = counts.map(|(thing, needed, limit, allowed)| (thing, needed, limit, u64::from(allowed)));
         if self.is_lost() {
             return Err(GpuFault::Lost);
         }
-        allows([(thing, bytes, limit, allowed), uniforms].into_iter().chain(counts))?;
+        let limits = self.device().limits();
+        let (limit, allowed) = self.most_bytes();
+        // What wgpu's defaults allow in any case, in the words of its limits.
+        allows(&[
+            (thing, bytes, limit, allowed),
+            need!(limits, "uniforms", 4096, max_uniform_buffer_binding_size),
+            need!(limits, "storage buffers of a stage", 8, max_storage_buffers_per_shader_stage),
+            need!(limits, "uniform buffers of a stage", 3, max_uniform_buffers_per_shader_stage),
+            need!(limits, "uniform buffers with an offset", 2, max_dynamic_uniform_buffers_per_pipeline_layout),
+            need!(limits, "bind groups", 2, max_bind_groups),
+            need!(limits, "bindings of a group", 18, max_bindings_per_bind_group),
+            need!(limits, "workgroups", 65_535, max_compute_workgroups_per_dimension),
+        ])?;
         self.has_threads(64)
     }
 
     /// Fails if a workgroup cannot have so many threads.
     pub(crate) fn has_threads(&self, needed: usize) -> Result<(), GpuFault> {
         let limits = self.device().limits();
-        let allowed = [
-            ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup),
-            ("max_compute_workgroup_size_x", limits.max_compute_workgroup_size_x),
-        ];
-        allows(allowed.into_iter().map(|(limit, allowed)| ("threads of a workgroup", needed as u64, limit, allowed.into())))
+        allows(&[
+            need!(limits, "threads of a workgroup", needed as u64, max_compute_invocations_per_workgroup),
+            need!(limits, "threads of a workgroup", needed as u64, max_compute_workgroup_size_x),
+        ])
     }
 
     /// Workgroup memory (bytes).
@@ -115,10 +105,13 @@ impl Gpu {
     }
 }
 
-/// Fails if more is needed of a thing than a limit allows: thing, amount needed, name of the limit, amount allowed.
-fn allows(mut needs: impl Iterator<Item = (&'static str, u64, &'static str, u64)>) -> Result<(), GpuFault> {
-    match needs.find(|&(_, needed, _, allowed)| needed > allowed) {
-        Some((thing, needed, limit, allowed)) => Err(GpuFault::Limit(Excess { thing, needed, limit, allowed })),
+/// A thing, the amount needed of it, the name of the limit, and the amount that it allows.
+type Need = (&'static str, u64, &'static str, u64);
+
+/// Fails if more is needed of a thing than its limit allows.
+fn allows(needs: &[Need]) -> Result<(), GpuFault> {
+    match needs.iter().find(|(_, needed, _, allowed)| needed > allowed) {
+        Some(&(thing, needed, limit, allowed)) => Err(GpuFault::Limit(Excess { thing, needed, limit, allowed })),
         None => Ok(()),
     }
 }

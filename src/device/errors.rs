@@ -76,6 +76,6 @@ impl Gpu {
 
     /// The error for something that could not be mapped.
     pub(crate) fn unmapped(&self, thing: &str) -> GpuFault {
-        if self.is_lost() || IN_BROWSER { GpuFault::Lost } else { format!("{thing} could not be mapped").into() }
+        if self.is_lost() || IN_BROWSER { GpuFault::Lost } else { GpuFault::Other(format!("{thing} could not be mapped")) }
     }
 }

@@ -39,18 +39,6 @@ impl GpuFault {
     }
 }
 
-impl From<String> for GpuFault {
-    fn from(reason: String) -> GpuFault {
-        GpuFault::Other(reason)
-    }
-}
-
-impl From<&str> for GpuFault {
-    fn from(reason: &str) -> GpuFault {
-        GpuFault::Other(reason.to_owned())
-    }
-}
-
 impl From<wgpu::Error> for GpuFault {
     fn from(error: wgpu::Error) -> GpuFault {
         let is_memory = matches!(error, wgpu::Error::OutOfMemory { .. });

@@ -41,7 +41,8 @@ pub(crate) const IN_BROWSER: bool = cfg!(target_arch = "wasm32");
 impl SharedDevice {
     fn request() -> Result<SharedDevice, GpuFault> {
         if IN_BROWSER {
-            return Err("a browser provides devices asynchronously; request one and pass it as Options::gpu".into());
+            let reason = "a browser provides devices asynchronously; request one and pass it as Options::gpu";
+            return Err(GpuFault::other(reason));
         }
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
@@ -52,8 +53,8 @@ impl SharedDevice {
             wgpu::DeviceType::Other => 3,
             wgpu::DeviceType::Cpu => 4,
         };
-        let adapter =
-            adapters.into_iter().min_by_key(rank).ok_or("no adapter was found; install a Vulkan, Metal or DX12 driver")?;
+        let best = adapters.into_iter().min_by_key(rank);
+        let adapter = best.ok_or_else(|| GpuFault::other("no adapter was found; install a Vulkan, Metal or DX12 driver"))?;
         let descriptor = wgpu::DeviceDescriptor {
             // Cloth of a million vertices needs bindings larger than wgpu's default of 128 MiB.
             required_limits: adapter.limits(),
@@ -121,7 +122,7 @@ impl Gpu {
         }
         match found.as_ref() {
             Some(found) if software || !found.gpu.is_software() => Ok(found.gpu.clone()),
-            _ => Err("the only adapter is a software driver".into()),
+            _ => Err(GpuFault::other("the only adapter is a software driver")),
         }
     }
 

@@ -9,12 +9,22 @@ use crate::device::fault::GpuFault;
 use crate::device::scopes::scoped;
 use crate::device::{Gpu, IN_BROWSER};
 
+/// Number of kernels up to which those are kept that nothing uses any more, since the next cloth is likely to use them again.
+const KEPT: usize = 256;
+
 /// The source of a shader, with a unique name. It is kept in parts, one after another, because shaders share files and a
 /// program would contain these once for each.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shader {
     pub name: &'static str,
     pub source: &'static [&'static str],
+}
+
+impl Shader {
+    /// An entry point without constants.
+    pub(crate) fn entry(self, name: &'static str) -> Entry<'static> {
+        Entry { shader: self, name, constants: &[] }
+    }
 }
 
 /// An entry point of a shader, with the values of its overridable constants.
@@ -60,8 +70,9 @@ impl Gpu {
     pub(crate) fn pipeline(&self, entry: Entry<'_>, layouts: [&wgpu::BindGroupLayout; 2]) -> Pipeline {
         let Entry { shader, name, constants } = entry;
         let mut pipelines = self.0.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        // What failed for want of memory may succeed the next time.
-        pipelines.retain(|made| !made.has_failed());
+        // What failed for want of memory may succeed the next time. Kernels whose constants depend on a mesh add up.
+        let is_full = pipelines.len() >= KEPT;
+        pipelines.retain(|made| !(made.has_failed() || is_full && Arc::strong_count(&made.0) == 1));
         let mut of_shader = pipelines.iter().filter(|made| made.0.module.shader.name == shader.name);
         let same = of_shader.clone().find(|made| made.0.name == name && made.0.constants == constants).cloned();
         let module = of_shader.next().map(|made| Arc::clone(&made.0.module));

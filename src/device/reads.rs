@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 fn may_wait() -> Result<(), GpuFault> {
     let why = "a browser does not wait for the GPU; request_positions asks, requested_positions has them later";
-    if IN_BROWSER { Err(why.into()) } else { Ok(()) }
+    if IN_BROWSER { Err(GpuFault::other(why)) } else { Ok(()) }
 }
 
 /// A staging buffer whose bytes were asked for and are read later.

@@ -4,6 +4,7 @@
 use glam::Vec4;
 
 use crate::gpu::slices::push_slices;
+use crate::gpu::stage::NONE;
 use crate::gpu::tiles::{TileSize, cut_into_pieces};
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
@@ -11,8 +12,6 @@ use crate::multigrid::hierarchy::Level;
 
 /// Words of the table for each tile, before the lists.
 const HEADER: usize = 4;
-/// The position of a vertex that is not in the tile.
-pub(crate) const NO_PLACE: u32 = u32::MAX;
 /// Limit on the vertices in all tiles per vertex of the cloth. With more, recomputing them costs more than it saves.
 const MAX_HELD: usize = 12;
 
@@ -62,7 +61,7 @@ impl BendTiles {
                 groups.iter().map(own).collect()
             }
         };
-        let mut place = vec![NO_PLACE; rest.len()];
+        let mut place = vec![NONE; rest.len()];
         let mut tiles = BendTiles { table: vec![0; HEADER * pieces.len()], count: pieces.len(), largest: 0, longest: 0 };
         let mut held_by_all = 0;
         for (tile, own) in pieces.into_iter().enumerate() {
@@ -86,7 +85,7 @@ impl BendTiles {
                 table[HEADER * tile + 3] = table.len() as u32;
                 push_aggregates(table, &groups[tile], level);
             }
-            vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
+            vertices.iter().for_each(|&vertex| place[vertex as usize] = NONE);
         }
         (size_of_val(tiles.table.as_slice()) <= most.bytes).then_some(tiles)
     }
@@ -136,7 +135,7 @@ pub(crate) fn surrounded(
         ends.push(vertices.len());
         for k in std::mem::replace(&mut looked_at, vertices.len())..vertices.len() {
             for entry in entries.of(vertices[k]) {
-                if place[entry.other as usize] == NO_PLACE {
+                if place[entry.other as usize] == NONE {
                     place[entry.other as usize] = vertices.len() as u32;
                     vertices.push(entry.other);
                 }

@@ -22,15 +22,29 @@ const OWN: [usize; 2] = [32, 128];
 /// Bytes of workgroup memory per vertex with moments, with one pass and with several, and per vertex.
 const IN_TILE: [usize; 2] = [24, 72];
 const HELD: usize = 24;
-/// Moments per displacement in memory, in size, with one pass and with several.
+/// Buffer space for the moments of a vertex, as a multiple of that for its displacement, with one pass and with several.
 pub(super) const MOMENTS: [u64; 2] = [2, 6];
 /// The room of tiles is a multiple of this number of vertices.
 const ROOMS: usize = 32;
 
+/// Resources of the kernels: the states, the displacements, the uniforms and the pins, and the level that they average with
+/// the buffer of its averages, if that is wanted.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BendingInputs<'a> {
+    pub states: &'a [StateBuffers],
+    pub u: &'a wgpu::Buffer,
+    pub uniforms: &'a BindGroup,
+    pub pins: &'a Sent,
+    pub level: Option<(&'a Level, &'a wgpu::Buffer)>,
+}
+
 /// The kernels of bending and their buffers.
 #[derive(Debug)]
 pub(super) struct Bending {
-    lists: Lists,
+    rows: wgpu::Buffer,
+    /// The slices of the rings of all vertices, once kernels without tiles need them.
+    slices: Option<wgpu::Buffer>,
+    passes: wgpu::Buffer,
     /// The substep that the rows were computed for, and whether a level is averaged.
     prepared: Option<(Length, bool)>,
     /// Kernels for each number of passes used so far, without and with averages; `None` where tiles would be too large. `in_use` is the
@@ -62,12 +76,9 @@ struct Apart {
 impl Bending {
     pub(super) fn new(gpu: &Gpu, plan: &Plan<'_>) -> Bending {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let lists = Lists {
-            rows: gpu.filled("bend rows", &plan.coefficients.bending.rows),
-            slices: None,
-            passes: gpu.make("bend passes", (MAX_PASSES * SLOT) as u64, usage),
-        };
-        Bending { lists, prepared: None, kernels: Vec::new(), in_use: 0, apart: None }
+        let rows = gpu.filled("bend rows", &plan.coefficients.bending.rows);
+        let passes = gpu.make("bend passes", (MAX_PASSES * SLOT) as u64, usage);
+        Bending { rows, slices: None, passes, prepared: None, kernels: Vec::new(), in_use: 0, apart: None }
     }
 
     /// Prepares for a plan; with tiles if `tiled` and the cloth is small enough for them to be faster.
@@ -78,26 +89,27 @@ impl Bending {
         }
         let count = plan.coefficients.bending.passes_or_one().len();
         let key = (count, bound.level.is_some());
-        self.in_use = self.kernels.iter().position(|(of, _)| *of == key).unwrap_or_else(|| {
-            self.kernels.push((key, self.lists.make_tiles(gpu, plan, bound, count, tiled)));
-            self.kernels.len() - 1
-        });
+        let made = self.kernels.iter().position(|(of, _)| *of == key);
+        self.in_use = made.unwrap_or(self.kernels.len());
+        if made.is_none() {
+            self.kernels.push((key, self.make_tiles(gpu, plan, bound, count, tiled)));
+        }
         if !self.in_tiles() && self.apart.as_ref().is_none_or(|apart| count > 1 && !apart.several) {
             self.apart = None;
-            self.apart = Some(self.lists.apart(gpu, plan.cloth, bound, count > 1));
+            self.apart = Some(self.make_apart(gpu, plan.cloth, bound, count > 1));
         }
         self.send(gpu, plan);
     }
 
     fn send(&self, gpu: &Gpu, plan: &Plan<'_>) {
         let bending = &plan.coefficients.bending;
-        gpu.write(&self.lists.rows, 0, &bending.rows);
+        gpu.write(&self.rows, 0, &bending.rows);
         if self.in_tiles() {
-            return gpu.write(&self.lists.passes, 0, bending.passes_or_one());
+            return gpu.write(&self.passes, 0, bending.passes_or_one());
         }
         let mut slots = Vec::new();
         fill_slots(&mut slots, bending.passes_or_one());
-        gpu.write(&self.lists.passes, 0, &slots);
+        gpu.write(&self.passes, 0, &slots);
     }
 
     /// Whether the kernels use tiles.
@@ -124,29 +136,7 @@ impl Bending {
             forces.dispatch(pass, from, &slot(0), vertices);
         }
     }
-}
 
-/// Resources of the kernels: the states, the displacements, the uniforms and the pins, and the level that they average with
-/// the buffer of its averages, if that is wanted.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct BendingInputs<'a> {
-    pub states: &'a [StateBuffers],
-    pub u: &'a wgpu::Buffer,
-    pub uniforms: &'a BindGroup,
-    pub pins: &'a Sent,
-    pub level: Option<(&'a Level, &'a wgpu::Buffer)>,
-}
-
-/// The coefficients and the rings.
-#[derive(Debug)]
-struct Lists {
-    rows: wgpu::Buffer,
-    /// The slices of the rings of all vertices, once kernels without tiles need them.
-    slices: Option<wgpu::Buffer>,
-    passes: wgpu::Buffer,
-}
-
-impl Lists {
     /// Creates a kernel for `count` passes in tiles if that is wanted, and the cloth is small enough.
     fn make_tiles(&self, gpu: &Gpu, plan: &Plan<'_>, bound: BendingInputs<'_>, count: usize, tiled: bool) -> Option<InTiles> {
         let (vertices, entries) = (plan.cloth.rest.len(), &plan.cloth.bending().entries);
@@ -165,12 +155,11 @@ impl Lists {
         let room = tiles.largest.next_multiple_of(ROOMS).min(most);
         let table = gpu.filled("bend tiles", &tiles.table);
         let longest = tiles.longest.next_multiple_of(ROOMS).min(most);
-        let numbers = IN_TILE[usize::from(filtered)] / size_of::<f32>() * room;
         let constants = [
             ("LANES", lanes(gpu, room)),
             ("BENT", room),
-            ("MOMENTS", numbers),
-            ("HELD", HELD / size_of::<f32>() * longest),
+            ("MOMENTS", IN_TILE[usize::from(filtered)] / size_of::<[f32; 3]>() * room),
+            ("HELD", longest),
             ("FILTERED", usize::from(filtered)),
         ];
         let constants = constants.map(|(name, value)| (name, value as f64));
@@ -189,7 +178,7 @@ impl Lists {
         InTiles { stage: Stage::new(gpu, bound.uniforms, entry, &groups), tiles: tiles.count }
     }
 
-    fn apart(&mut self, gpu: &Gpu, cloth: &Cloth, bound: BendingInputs<'_>, several: bool) -> Apart {
+    fn make_apart(&mut self, gpu: &Gpu, cloth: &Cloth, bound: BendingInputs<'_>, several: bool) -> Apart {
         let BendingInputs { states, u, uniforms, pins, .. } = bound;
         let slices = self.slices.get_or_insert_with(|| {
             let mut table = Vec::new();

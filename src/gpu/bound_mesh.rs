@@ -1,12 +1,12 @@
 //! A render mesh that follows a cloth on its GPU.
 
-use crate::device::fault::GpuFault;
+use std::sync::Arc;
+
 use crate::device::{Entry, Gpu};
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, SubmittedStage};
 use crate::gpu::surface::Normals;
 use crate::kernels::follow::BoundVertex;
-use crate::model::cloth::Cloth;
 
 /// A render mesh bound to a cloth on its GPU, made by [`Deformer::bind`](crate::Deformer::bind). It follows the cloth
 /// without a copy through the CPU.
@@ -20,31 +20,22 @@ pub struct BoundMesh {
     render_normals: wgpu::Buffer,
     has_normals: bool,
     gpu: Gpu,
-    normals: Normals,
+    /// The cloth's, which its other render meshes and its surface share.
+    pub(super) normals: Arc<Normals>,
     stage: SubmittedStage,
 }
 
 impl BoundMesh {
-    pub(crate) fn new(
-        gpu: &Gpu,
-        cloth: &Cloth,
-        x: &wgpu::Buffer,
-        vertices: &[BoundVertex],
-        has_normals: bool,
-    ) -> Result<BoundMesh, GpuFault> {
-        gpu.meets("the render mesh's vertices", size_of_val(vertices) as u64)?;
-        gpu.checked(|| {
-            let normals = Normals::new(gpu, cloth, x);
-            let bound = gpu.filled("bound vertices", vertices);
-            let buffer = |label, vertices: usize| gpu.buffer_for(label, 16 * vertices.max(1) as u64, wgpu::BufferUsages::VERTEX);
-            let positions = buffer("render mesh", vertices.len());
-            let render_normals = buffer("normals of the render mesh", if has_normals { vertices.len() } else { 0 });
-            let entry = Entry { shader: shaders::FOLLOW, name: "follow", constants: &[("HAS_NORMALS", f64::from(has_normals))] };
-            let read = [&bound, x, &normals.surface.normals].map(Bind::Read);
-            let binds = read.into_iter().chain([&positions, &render_normals].map(Bind::Write)).collect();
-            let stage = SubmittedStage::new(gpu, entry, binds, vertices.len());
-            Ok(BoundMesh { positions, render_normals, has_normals, gpu: gpu.clone(), normals, stage })
-        })
+    pub(crate) fn new(gpu: &Gpu, normals: Arc<Normals>, vertices: &[BoundVertex], has_normals: bool) -> BoundMesh {
+        let bound = gpu.filled("bound vertices", vertices);
+        let buffer = |label, vertices: usize| gpu.buffer_for(label, 16 * vertices.max(1) as u64, wgpu::BufferUsages::VERTEX);
+        let positions = buffer("render mesh", vertices.len());
+        let render_normals = buffer("normals of the render mesh", if has_normals { vertices.len() } else { 0 });
+        let entry = Entry { shader: shaders::FOLLOW, name: "follow", constants: &[("HAS_NORMALS", f64::from(has_normals))] };
+        let read = [&bound, &normals.surface.positions, &normals.surface.normals].map(Bind::Read);
+        let binds = read.into_iter().chain([&positions, &render_normals].map(Bind::Write)).collect();
+        let stage = SubmittedStage::new(gpu, entry, binds, vertices.len());
+        BoundMesh { positions, render_normals, has_normals, gpu: gpu.clone(), normals, stage }
     }
 
     /// Positions of the render mesh's vertices, in its order, for a renderer on the same device (usages `VERTEX`,
@@ -66,7 +57,6 @@ impl BoundMesh {
     /// commands that draw them to the same queue, after this call and before the next one that changes the cloth: a step,
     /// `reset`, `restore`, `warp` and so on.
     pub fn apply(&self) {
-        self.normals.submit(&self.gpu);
-        self.stage.submit(&self.gpu);
+        SubmittedStage::submit(&self.gpu, &[&self.normals.stage, &self.stage]);
     }
 }

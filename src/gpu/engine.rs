@@ -7,6 +7,8 @@ mod encode;
 mod route;
 mod state;
 
+use std::sync::{Arc, OnceLock};
+
 use glam::Vec4;
 
 use crate::device::fault::GpuFault;
@@ -31,6 +33,7 @@ use crate::options::Method;
 use crate::step::plan::Plan;
 
 pub(crate) use route::Route;
+use route::{Besides, Way};
 
 /// Number of cloths stepped together on one device from which each is given one workgroup whatever its size.
 const CROWD: usize = 4;
@@ -42,14 +45,16 @@ pub(crate) struct GpuEngine {
     pub(crate) forces: Forces,
     bodies: Sent,
     pub(crate) sweep: EdgeSweep,
+    /// How the last step that was prepared is done.
+    way: Way,
     /// The tiles with bending, for substeps that have that in a single pass.
     pub(crate) bent: OnDemand,
     /// The tiles that correct by a single level.
     pub(crate) corrected: OnDemand,
     /// Created when a step first uses levels.
     pub(crate) multigrid: Option<Multigrid>,
-    /// Aggregates that fit into a tile.
-    pub(crate) room: usize,
+    /// Most aggregates of a tile.
+    pub(crate) max_aggregates: usize,
     /// Whether a single workgroup is the fastest route even for a cloth alone. `single_workgroup` is created when a step
     /// first uses it.
     small: bool,
@@ -65,8 +70,8 @@ pub(crate) struct GpuEngine {
     counter: Option<Counter>,
     counts: bool,
     report: Report,
-    /// Created when the cloth is first drawn.
-    normals: Option<Normals>,
+    /// Created when the cloth, or a render mesh bound to it, is first drawn.
+    normals: OnceLock<Arc<Normals>>,
     /// Number of dispatches of the last step, each of which waits for the one before.
     dispatches: usize,
     /// The error that kept a step from being prepared. Later steps fail with it too, because buffers may be incomplete.
@@ -132,10 +137,11 @@ impl GpuEngine {
                 forces,
                 bodies,
                 sweep,
-                bent: OnDemand::Untried,
-                corrected: OnDemand::Untried,
+                way: Way { route, besides: Besides::Nothing, predicted: true },
+                bent: OnDemand::new(),
+                corrected: OnDemand::new(),
                 multigrid: None,
-                room: size.room * IN_TILE / IN_LEVEL_TILE,
+                max_aggregates: size.room * IN_TILE / IN_LEVEL_TILE,
                 small: route == Route::SingleWorkgroup,
                 single_workgroup: None,
                 contact: None,
@@ -143,7 +149,7 @@ impl GpuEngine {
                 readback,
                 counter: None,
                 counts: false,
-                normals: None,
+                normals: OnceLock::new(),
                 dispatches: 0,
                 broken: None,
             })
@@ -168,7 +174,7 @@ impl GpuEngine {
         let gauged = made.gpu.checked(gauge)?;
         // Read-backs that are under way still arrive.
         std::mem::swap(&mut made.readback, &mut self.readback);
-        (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, self.normals.take());
+        (made.counter, made.counts, made.normals) = (self.counter.take(), self.counts, std::mem::take(&mut self.normals));
         made.counter.iter_mut().zip(gauged).for_each(|(counter, gauged)| counter.replace(gauged));
         made.contact = self.contact.take();
         made.contact.iter_mut().for_each(|contact| contact.unbind());
@@ -234,7 +240,7 @@ impl GpuEngine {
                     Gpu::refused().inspect_err(|fault| engine.broken = Some(fault.clone()))?;
                 }
                 for (_, engine, plan) in together.iter_mut() {
-                    engine.dispatches = engine.encode(&mut submission, plan, engine.route(plan, crowd));
+                    engine.dispatches = engine.encode(&mut submission, plan);
                 }
                 let submission = submission.submit_with(|encoder| {
                     together.iter_mut().for_each(|(_, engine, _)| engine.report.copy_if_due(encoder, &engine.commit.found));
@@ -255,22 +261,23 @@ impl GpuEngine {
 
     /// Uploads what the step needs, for a cloth alone or in a crowd.
     fn prepare(&mut self, plan: &Plan<'_>, crowd: bool) {
-        let (route, forced, has_new_levels) = self.make_stages(plan, crowd);
+        let (route, has_new_levels) = self.make_stages(plan, crowd);
+        self.way = self.way(plan, route);
         let averages = self.multigrid.as_ref().map(|multigrid| &multigrid.averages);
-        let has_moved = self.forces.prepare(&self.gpu, &forced, route == Route::SingleWorkgroup, averages);
+        let is_single = route == Route::SingleWorkgroup;
+        let has_moved = self.forces.prepare(&self.gpu, &self.way.forced(plan), is_single, averages);
         if self.bodies.send(&self.gpu, plan.bodies_and_anchors) | has_moved | has_new_levels {
             self.rebind_sweep();
         }
-        self.prepare_sweep(plan, route);
-        if route != Route::SingleWorkgroup && !self.is_checked(plan) {
+        self.prepare_sweep(plan);
+        if !is_single && !self.is_checked(plan) {
             self.commit.prepare(&self.gpu, plan.cloth, &self.forces);
         }
         self.prepare_counter(plan);
     }
 
-    /// Makes the stages that the step needs and that do not exist yet. Returns how it is to be executed, the part of it that is
-    /// computed before its sweep, and whether the coarse levels are new.
-    fn make_stages<'a>(&mut self, plan: &Plan<'a>, crowd: bool) -> (Route, Plan<'a>, bool) {
+    /// Makes the stages that the step needs and that do not exist yet. Returns its route, and whether the coarse levels are new.
+    fn make_stages(&mut self, plan: &Plan<'_>, crowd: bool) -> (Route, bool) {
         if self.may_be_small(plan, crowd) && !plan.has_contact() {
             self.make_single_workgroup(plan);
         }
@@ -278,22 +285,21 @@ impl GpuEngine {
         if route == Route::Tiled && GpuEngine::may_bend_in_tiles(plan) {
             self.make_bent(plan);
         }
-        let forced = self.forced(plan);
         if plan.coefficients.levels.is_empty() || route == Route::SingleWorkgroup {
-            return (route, forced, false);
+            return (route, false);
         }
-        let GpuEngine { gpu, forces, sweep, multigrid, room, .. } = self;
+        let GpuEngine { gpu, forces, sweep, multigrid, max_aggregates, .. } = self;
         let are_new = multigrid.is_none();
         let multigrid = multigrid.get_or_insert_with(|| {
             if let EdgeSweep::Tiled(tiled) = sweep {
                 tiled.set_labels(gpu, &plan.levels[0].label);
             }
-            let room = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*room);
-            Multigrid::new(gpu, plan.cloth, plan.levels, forces, room)
+            let in_tile = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*max_aggregates);
+            Multigrid::new(gpu, plan.cloth, plan.levels, forces, in_tile)
         });
         multigrid.prepare(gpu, plan);
         self.make_corrected(plan);
-        (route, forced, are_new)
+        (route, are_new)
     }
 
     /// Binds the sweep to buffers that are new.
@@ -303,7 +309,7 @@ impl GpuEngine {
         match sweep {
             EdgeSweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
             EdgeSweep::Tiled(tiled) => {
-                let more = [bent.made_mut(), corrected.made_mut()].into_iter().flatten();
+                let more = [bent, corrected].into_iter().filter_map(|tiles| tiles.get_mut()?.as_deref_mut());
                 std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
             }
         }
@@ -313,15 +319,18 @@ impl GpuEngine {
     }
 
     /// Uploads the tables of the sweep.
-    fn prepare_sweep(&mut self, plan: &Plan<'_>, route: Route) {
-        let (bends, corrects) = (self.bends_in_tiles(plan), self.corrects_in_tiles(plan));
-        let GpuEngine { gpu, sweep, bent, corrected, single_workgroup, .. } = self;
-        match (route, sweep, single_workgroup) {
+    fn prepare_sweep(&mut self, plan: &Plan<'_>) {
+        let GpuEngine { gpu, sweep, way, bent, corrected, single_workgroup, .. } = self;
+        match (way.route, sweep, single_workgroup) {
             (Route::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, EdgeSweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
             (_, EdgeSweep::Tiled(tiled), _) => {
-                let more = if bends { bent.made_mut() } else { corrected.made_mut().filter(|_| corrects) };
-                more.unwrap_or(tiled).prepare(gpu, plan);
+                let more = match way.besides {
+                    Besides::Nothing => None,
+                    Besides::Bending => bent.get_mut(),
+                    Besides::Correcting => corrected.get_mut(),
+                };
+                more.and_then(Option::as_deref_mut).unwrap_or(tiled).prepare(gpu, plan);
             }
         }
     }

@@ -85,9 +85,9 @@ impl Forces {
         self.u.size() as usize / size_of::<Vec4>()
     }
 
-    /// Uploads the data of this step, and creates the kernels that it is the first to need: with one dispatch for `all` of the
-    /// step, or for its substeps, with these averages of the finest level if it has levels. Returns true if
-    /// [`Forces::all_substeps`] has become another buffer.
+    /// Uploads the data of this step. Unless one dispatch does `all` of the step, also creates the kernels that it is the first to
+    /// need, which write to the `averages` of the finest level if there are levels. Returns true if [`Forces::all_substeps`] has
+    /// become another buffer.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, all: bool, averages: Option<&wgpu::Buffer>) -> bool {
         let Forces { states, u, uniforms, params, substeps, slots, all_substeps, pins, bend_in_tiles, .. } = self;
         params.send(gpu, std::slice::from_ref(&plan.params));

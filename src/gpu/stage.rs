@@ -6,11 +6,13 @@ use crate::device::{Entry, Gpu, Pipeline};
 
 /// Invocations per workgroup: `WORKGROUP` of `dispatch.wgsl`.
 pub(crate) const WORKGROUP: usize = 64;
+/// No index of an edge, label, pin or place: `NONE` of `dispatch.wgsl`.
+pub(crate) const NONE: u32 = u32::MAX;
 /// Invocations per subgroup, on most devices.
 const SUBGROUP: usize = 32;
 /// Most workgroups in one dimension of a dispatch.
 const MAX_GROUPS: usize = 65_535;
-/// Distance (bytes) between slots of a dynamic uniform: the largest alignment that a device may ask for, which bounds its size, too.
+/// Distance (bytes) between slots of a dynamic uniform, and its largest size: the largest alignment that a device may ask for.
 pub(crate) const SLOT: usize = 256;
 
 /// A range of items for one dispatch: `Batch` of `dispatch.wgsl`.
@@ -171,7 +173,7 @@ impl Stage {
     }
 }
 
-/// A stage that is submitted by itself, with an invocation for each item. It takes all numbers from its buffers.
+/// A stage that no step contains, with an invocation for each item. It takes all numbers from its buffers.
 #[derive(Debug)]
 pub(crate) struct SubmittedStage {
     /// Empty: there are no uniforms.
@@ -187,13 +189,15 @@ impl SubmittedStage {
         SubmittedStage { uniforms, stage, items }
     }
 
-    pub(crate) fn submit(&self, gpu: &Gpu) {
+    /// Submits stages together, each of which waits for the one before.
+    pub(crate) fn submit(gpu: &Gpu, stages: &[&SubmittedStage]) {
         let mut encoder = gpu.encoder();
-        {
-            let mut pass = ComputePass::new(&mut encoder);
-            self.uniforms.set(&mut pass, 0, &[]);
-            self.stage.dispatch(&mut pass, 0, &[], self.items);
+        let mut pass = ComputePass::new(&mut encoder);
+        for SubmittedStage { uniforms, stage, items } in stages {
+            uniforms.set(&mut pass, 0, &[]);
+            stage.dispatch(&mut pass, 0, &[], *items);
         }
+        drop(pass);
         gpu.queue().submit([encoder.finish()]);
     }
 }

@@ -1,6 +1,6 @@
 //! The cloth's state on the GPU, and how a step moves it between buffers.
 
-use crate::device::{Entry, Gpu, Shader};
+use crate::device::{Gpu, Shader};
 use crate::gpu::stage::{Bind, BindGroup, Sent, Stage};
 
 /// Positions and displacements, one of each per vertex.
@@ -39,7 +39,7 @@ pub(super) fn stage<'a>(
     bound: impl Fn(&'a StateBuffers) -> Vec<Bind<'a>>,
 ) -> Stage {
     let bound: Vec<_> = states.iter().map(bound).collect();
-    Stage::new(gpu, uniforms, Entry { shader, name, constants: &[] }, &bound)
+    Stage::new(gpu, uniforms, shader.entry(name), &bound)
 }
 
 /// The bindings of `stages/predict.wgsl`.

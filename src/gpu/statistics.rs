@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use crate::device::fault::GpuFault;
 use crate::device::reads::Mapping;
-use crate::device::{Entry, Gpu, IN_BROWSER};
+use crate::device::{Gpu, IN_BROWSER};
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, ComputePass, Stage, WORKGROUP};
@@ -48,8 +48,7 @@ impl Counter {
         let gauges = gpu.filled("strain gauges", gauges);
         let state = &forces.states[0];
         let bound = [&gauges, &state.x, &state.p].map(Bind::Read).into_iter().chain([Bind::Write(&counted)]).collect();
-        let entry = Entry { shader: shaders::STATISTICS, name: "count", constants: &[] };
-        let stage = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
+        let stage = Stage::new(gpu, &forces.uniforms, shaders::STATISTICS.entry("count"), &[bound]);
         Counter { stage, counted, items, pending: VecDeque::new(), free: Vec::new() }
     }
 

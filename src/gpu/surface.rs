@@ -1,7 +1,7 @@
 //! The buffers that a renderer draws the cloth from: positions, normals and indices on the device, without a copy
 //! through the CPU.
 
-use crate::device::{Entry, Gpu};
+use crate::device::Gpu;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, SubmittedStage};
 use crate::model::cloth::Cloth;
@@ -31,7 +31,7 @@ pub struct Surface {
 #[derive(Debug)]
 pub(crate) struct Normals {
     pub surface: Surface,
-    stage: SubmittedStage,
+    pub stage: SubmittedStage,
 }
 
 impl Normals {
@@ -47,14 +47,8 @@ impl Normals {
         let around = gpu.filled("triangles around", &around.items);
         let bound =
             vec![Bind::Read(&indices), Bind::Read(&spans), Bind::Read(&around), Bind::Read(positions), Bind::Write(&normals)];
-        let entry = Entry { shader: shaders::NORMALS, name: "gather_normals", constants: &[] };
-        let stage = SubmittedStage::new(gpu, entry, bound, cloth.rest.len());
+        let stage = SubmittedStage::new(gpu, shaders::NORMALS.entry("gather_normals"), bound, cloth.rest.len());
         let surface = Surface { positions: positions.clone(), normals, indices, index_count: corners.len() as u32 };
         Normals { surface, stage }
-    }
-
-    /// Submits the computation of the normals after the steps so far.
-    pub(crate) fn submit(&self, gpu: &Gpu) {
-        self.stage.submit(gpu);
     }
 }

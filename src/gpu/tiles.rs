@@ -11,14 +11,13 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use crate::device::Gpu;
+use crate::gpu::stage::NONE;
 use crate::kernels::distance::Edge;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 use crate::model::mesh::bounds;
 
-/// The value of `stages/sweep.wgsl` for no edge, no label and no pin.
-pub(crate) const NO_EDGE: u32 = u32::MAX;
 /// Bytes of workgroup memory per vertex of a tile.
 pub(crate) const IN_TILE: usize = 32;
 /// Bytes of workgroup memory per aggregate of a tile.
@@ -109,8 +108,8 @@ impl Tiles {
         let count = tiles.len();
         let (largest, widest) = (largest(tiles), widest(tiles));
         let [edges, words] = words(tiles, colors);
-        let mut table = vec![NO_EDGE; edges + words];
-        let mut sources = vec![NO_EDGE; words];
+        let mut table = vec![NONE; edges + words];
+        let mut sources = vec![NONE; words];
         let mut place = vec![0; vertices];
         for (index, tile) in tiles.iter().enumerate() {
             table[index] = tile.own as u32;
@@ -143,7 +142,7 @@ impl Tiles {
         let mut table = self.table[..self.count].to_vec();
         let lists = || lists.iter().map(AsRef::as_ref);
         lists().for_each(|list| table.extend((0..room).map(|k| list.get(k).unwrap_or(&list[0]))));
-        table.resize(self.count * (1 + 2 * room), NO_EDGE);
+        table.resize(self.count * (1 + 2 * room), NONE);
         let edges = table.len();
         table.extend(&self.table[self.edges..]);
         let (held, sources) = (lists().map(<[u32]>::len).collect(), self.sources.clone());

@@ -7,9 +7,8 @@ use crate::device::fault::GpuFault;
 use crate::device::reads::Mapping;
 use crate::device::{Gpu, IN_BROWSER};
 use crate::error::failure::{Defect, Failure};
+use crate::gpu::stage::NONE;
 
-/// No vertex or edge: `NONE` of `limits.wgsl`.
-pub(crate) const NONE: u32 = u32::MAX;
 /// Marks an edge's place as one in the table of a single workgroup, or of tiles.
 pub(crate) const IN_TABLE: u32 = 1 << 31;
 pub(crate) const IN_TILES: u32 = 1 << 30;

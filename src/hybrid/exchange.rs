@@ -124,8 +124,7 @@ impl Exchange {
             Stage::new(gpu, &forces.uniforms, entry, &[bound])
         });
         let bound = vec![Bind::Unused, Bind::Unused, Bind::Unused, Bind::Read(&forces.u), Bind::Write(given)];
-        let entry = Entry { shader: shaders::EXCHANGE, name: "leave", constants: &[] };
-        let leave = Stage::new(gpu, &forces.uniforms, entry, &[bound]);
+        let leave = Stage::new(gpu, &forces.uniforms, shaders::EXCHANGE.entry("leave"), &[bound]);
         let [sent, given] = copies;
         Exchange { arrive, leave, vertices, asked: false, ready: Arc::default(), outbox, inbox, sent, given }
     }
@@ -178,7 +177,8 @@ impl Exchange {
         let outbox = self.outbox.get_mapped_range_mut(..).map_err(GpuFault::other)?;
         let inbox = self.inbox.get_mapped_range(..).map_err(GpuFault::other)?;
         let is_aligned = bytemuck::try_cast_slice::<u8, Vec3>(&inbox).is_ok();
-        let outbox = MappedVectors::new(outbox).filter(|_| is_aligned).ok_or("the device maps buffers at odd addresses")?;
+        let outbox = MappedVectors::new(outbox).filter(|_| is_aligned);
+        let outbox = outbox.ok_or_else(|| GpuFault::other("the device maps buffers at odd addresses"))?;
         Ok(Mapped { outbox, inbox, vertices: self.vertices as usize })
     }
 

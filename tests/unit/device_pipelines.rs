@@ -50,3 +50,27 @@ fn threads_of_a_pool_do_not_wait_for_each_other() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| ask(&gpu, &[entry(ALONE), entry(GOOD)])).unwrap();
 }
+
+/// Of kernels that nothing uses any more, only so many are kept; one that is used stays.
+#[test]
+fn unused_kernels_do_not_add_up() {
+    const NUMBERED: &[&str] = &["override LANES: u32; @compute @workgroup_size(LANES) fn main() ", "{}"];
+    let gpu = Gpu::shared(true).unwrap();
+    let ask_for = |lanes: u32| {
+        let entry = Entry { constants: &[("LANES", lanes.into())], ..entry(NUMBERED) };
+        ask(&gpu, &[entry]).unwrap().remove(0)
+    };
+    let used = ask_for(1);
+    (2..KEPT as u32 + 50).for_each(|lanes| drop(ask_for(lanes)));
+    // A thread of the pool that has yet to find out that a kernel is compiled uses it, too.
+    let are_few = || {
+        ask_for(1);
+        let pipelines = gpu.0.pipelines.lock().unwrap();
+        pipelines.iter().filter(|made| made.0.module.shader.name == NUMBERED[0]).count() <= KEPT
+    };
+    assert!((0..1000).any(|_| are_few() || {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        false
+    }));
+    assert!(Arc::ptr_eq(&used.0, &ask_for(1).0));
+}

@@ -12,9 +12,8 @@ use crate::gpu::contact::encode;
 use crate::gpu::contact::status::{self as contact, Listed, Status, Track};
 use crate::gpu::multigrid::{Average, Member};
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, WORKGROUP};
-use crate::gpu::tiles::NO_EDGE;
-use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES, NONE};
+use crate::gpu::stage::{Batch, NONE, WORKGROUP};
+use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES};
 use crate::kernels::bending::{BendEntry, BendPass, BendRow};
 use crate::kernels::contact::{Body, rounded_box};
 use crate::kernels::distance::Edge;
@@ -150,7 +149,6 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("PLANE", Literal::U32(crate::kernels::contact::PLANE)),
         ("MAX_POSITION", Literal::F32(MAX_POSITION)),
         ("WORKGROUP", Literal::U32(WORKGROUP as u32)),
-        ("NO_EDGE", Literal::U32(NO_EDGE)),
         ("SLICE", Literal::U32(crate::gpu::slices::SLICE as u32)),
         ("MAX_PASSES", Literal::U32(crate::step::bending::MAX_PASSES as u32)),
         ("BEND_VECTORS", Literal::U32(crate::gpu::sweep::forces_in_workgroup::BEND_VECTORS as u32)),
@@ -230,6 +228,8 @@ fn shared_structs_agree_member_for_member() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // These structs exist only in shaders.
             let alone = [
+                "Invocation",
+                "Workgroup",
                 "Path",
                 "Touch",
                 "Gap",

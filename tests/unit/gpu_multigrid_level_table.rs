@@ -48,7 +48,7 @@ fn a_table_says_what_the_levels_are() {
             let mut met = Vec::new();
             for color in first..last {
                 let block = &table.table[table.edges + 3 * width * color..][..3 * width];
-                for (k, &ends) in block[..width].iter().enumerate().filter(|(_, ends)| **ends != NO_EDGE) {
+                for (k, &ends) in block[..width].iter().enumerate().filter(|(_, ends)| **ends != NONE) {
                     let number = f32::from_bits(block[width + k]);
                     assert_eq!(f32::from_bits(block[2 * width + k]), -number);
                     let link = &level.links[number as usize];

@@ -195,12 +195,12 @@ fn bending_agrees_with_the_cpu_on_every_path() {
             let ends = [(true, true), (false, true), (false, false)].map(|(with_sweep, in_tiles)| {
                 let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.forces.bend_in_tiles = in_tiles;
-                engine.bent = if with_sweep { OnDemand::Untried } else { OnDemand::NoRoom };
+                engine.bent = if with_sweep { OnDemand::new() } else { OnDemand::from(None) };
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let (end, _) = play(&mut engine, &cloth, &options, false, 0);
                 let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
                 let fused = with_sweep && count <= 1;
-                assert_eq!(engine.bent.made().is_some(), fused, "{name}, {count} passes");
+                assert_eq!(engine.bent.get().is_some_and(Option::is_some), fused, "{name}, {count} passes");
                 assert_eq!(engine.forces.bending.as_ref().map(Bending::in_tiles), (!fused).then_some(in_tiles));
                 end
             });
@@ -229,14 +229,14 @@ fn tiles_correct_by_a_level_as_a_dispatch_of_its_own_does() {
             let options = Options { pinned: vec![3, 100, 200], ..Options::default() };
             let cloth = Cloth::new(&mesh, &options).unwrap();
             let size = TileSize { own: 40, room: gpu.workgroup_memory() / IN_TILE, bytes: usize::MAX };
-            let ends = [OnDemand::Untried, OnDemand::NoRoom].map(|corrected| {
-                let fused = matches!(corrected, OnDemand::Untried);
+            let ends = [OnDemand::new(), OnDemand::from(None)].map(|corrected| {
+                let fused = corrected.get().is_none();
                 let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.corrected = corrected;
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let end = play(&mut engine, &cloth, &options, windy, 1);
                 let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
-                assert_eq!(engine.corrected.made().is_some(), fused, "{name}");
+                assert_eq!(engine.corrected.get().is_some_and(Option::is_some), fused, "{name}");
                 end
             });
             assert!(apart(&ends[0].0, &cloth.rest) > 0.01, "{name}: moved");
@@ -401,7 +401,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     for (room, in_tiles) in [(of_level[0] - 1, Some(1)), (10, None)] {
         let size = TileSize { own: 100, room: 700, bytes: usize::MAX };
         let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
-        engine.room = room;
+        engine.max_aggregates = room;
         let mut engine = Engine::Gpu(Box::new(engine));
         let (x_gpu, _) = play(&mut engine, &cloth, &options, false, 3);
         let Engine::Gpu(engine) = &engine else { unreachable!("made above") };

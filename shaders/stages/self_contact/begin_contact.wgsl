@@ -121,16 +121,11 @@ fn begin_mesh_vertex(i: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn begin_contact(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = item(id, groups);
+fn begin_contact(me: Invocation, group: Workgroup) {
+    let i = item(me.id, group.all);
     var together = vec3f();
     if is_free() {
-        together = strayed_together(lane);
+        together = strayed_together(me.lane);
     }
     var part = nothing();
     if i < contact_params.vertices && !has_stopped() {
@@ -141,9 +136,9 @@ fn begin_contact(
     if !HAS_CONTACT {
         return;
     }
-    gather(part, lane);
-    let at = group.x + group.y * groups.x;
-    if lane == 0u && at < contact_params.groups {
+    gather(part, me.lane);
+    let at = number_of(group);
+    if me.lane == 0u && at < contact_params.groups {
         contact_state.parts[at] = Part(low[0], high[0]);
     }
 }

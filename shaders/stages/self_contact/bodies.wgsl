@@ -6,20 +6,15 @@ const NEAR: f32 = 0.1;
 
 // Bounds the cloth at the start of the step.
 @compute @workgroup_size(WORKGROUP)
-fn bound_cloth(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = item(id, groups);
+fn bound_cloth(me: Invocation, group: Workgroup) {
+    let i = item(me.id, group.all);
     var part = nothing();
     if i < params.used {
         part = Part(x[i], x[i]);
     }
-    gather(part, lane);
-    let at = group.x + group.y * groups.x;
-    if lane == 0u && at < contact_params.groups {
+    gather(part, me.lane);
+    let at = number_of(group);
+    if me.lane == 0u && at < contact_params.groups {
         contact_state.parts[at] = Part(low[0], high[0]);
     }
 }
@@ -39,28 +34,23 @@ fn part_of_mesh(motion: Track, cloth: Part) -> Part {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn bound_meshes(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
+fn bound_meshes(me: Invocation, group: Workgroup) {
     var part = nothing();
-    for (var k = lane; k < contact_params.groups; k += WORKGROUP) {
+    for (var k = me.lane; k < contact_params.groups; k += WORKGROUP) {
         part = both(part, contact_state.parts[k]);
     }
-    gather(part, lane);
+    gather(part, me.lane);
     workgroupBarrier();
     let cloth = Part(low[0], high[0]);
     workgroupBarrier();
-    let i = contact_params.mesh_first + item(id, groups);
+    let i = contact_params.mesh_first + item(me.id, group.all);
     part = nothing();
     if i < contact_params.all_vertices {
         part = part_of_mesh(tracks[contact_params.all_vertices + i - contact_params.mesh_first], cloth);
     }
-    gather(part, lane);
-    let at = group.x + group.y * groups.x;
-    if lane == 0u && at < contact_params.mesh_groups {
+    gather(part, me.lane);
+    let at = number_of(group);
+    if me.lane == 0u && at < contact_params.mesh_groups {
         contact_state.parts[contact_params.groups + at] = Part(low[0], high[0]);
     }
 }

@@ -97,21 +97,17 @@ fn candidate(all: Comparison, other: u32) -> vec2u {
 }
 
 @compute @workgroup_size(COMPARERS)
-fn compare(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    if lane == 0u {
+fn compare(me: Invocation, group: Workgroup) {
+    if me.lane == 0u {
         total = select(0u, min(atomicLoad(&contact_state.status.leaf_pairs), LEAF_PAIRS * space()), goes_on());
     }
     let end = workgroupUniformLoad(&total);
     // Whole pairs of leaves.
     let pairs_here = COMPARERS / contact_params.features;
-    let mine = lane / contact_params.features;
-    for (var first = (group.x + group.y * groups.x) * pairs_here; first < end; first += groups.x * groups.y * pairs_here) {
-        if lane < 2u {
-            atomicStore(&found[lane], 0u);
+    let mine = me.lane / contact_params.features;
+    for (var first = number_of(group) * pairs_here; first < end; first += group.all.x * group.all.y * pairs_here) {
+        if me.lane < 2u {
+            atomicStore(&found[me.lane], 0u);
         }
         var all = Comparison();
         var place = NONE;
@@ -119,11 +115,11 @@ fn compare(
             let both = scratch[first + mine];
             let other = leaf_of(both.y);
             let leaf = leaf_of(both.x);
-            place = place_of_box(leaf, lane % contact_params.features);
-            all = comparison(leaf, other, both.x == both.y, lane % contact_params.features);
-            let place_of_other = place_of_box(other, lane % contact_params.features);
+            place = place_of_box(leaf, me.lane % contact_params.features);
+            all = comparison(leaf, other, both.x == both.y, me.lane % contact_params.features);
+            let place_of_other = place_of_box(other, me.lane % contact_params.features);
             if place_of_other != NONE {
-                others[lane] = boxes[place_of_other];
+                others[me.lane] = boxes[place_of_other];
             }
         }
         workgroupBarrier();
@@ -137,13 +133,13 @@ fn compare(
             rank = atomicAdd(&found[u32(is_edge)], count);
         }
         workgroupBarrier();
-        if lane < 2u {
-            reserve(lane);
+        if me.lane < 2u {
+            reserve(me.lane);
         }
         workgroupBarrier();
         note(all, first_found[u32(is_edge)] + rank);
         // The numbers must not overflow.
-        if broadcast(max(first_found[0], first_found[1]), lane) > MAX_PAIRS {
+        if broadcast(max(first_found[0], first_found[1]), me.lane) > MAX_PAIRS {
             return;
         }
     }

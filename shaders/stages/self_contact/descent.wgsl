@@ -146,20 +146,16 @@ fn note_met(leaf: u32, count: u32, lane: u32) -> bool {
 }
 
 @compute @workgroup_size(LANES)
-fn descend(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let leaf = group.x + group.y * groups.x;
-    if broadcast(u32(goes_on() && leaf < leaves()), lane) == 0u {
+fn descend(me: Invocation, group: Workgroup) {
+    let leaf = number_of(group);
+    if broadcast(u32(goes_on() && leaf < leaves()), me.lane) == 0u {
         return;
     }
-    var reached = Reached(begin_descent(lane), 0u);
+    var reached = Reached(begin_descent(me.lane), 0u);
     while reached.held > 0u {
-        reached = replace(leaf, reached.held, lane);
+        reached = replace(leaf, reached.held, me.lane);
         let is_full = reached.held == 0u || reached.met >= MET;
-        if is_full && reached.met > 0u && !note_met(leaf, reached.met, lane) {
+        if is_full && reached.met > 0u && !note_met(leaf, reached.met, me.lane) {
             return;
         }
     }

@@ -5,13 +5,8 @@
 override AGAIN: bool = false;
 
 @compute @workgroup_size(WORKGROUP)
-fn finish(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = item(id, groups);
+fn finish(me: Invocation, group: Workgroup) {
+    let i = item(me.id, group.all);
     var mine = vec3f();
     let is_again = atomicLoad(&contact_state.status.again) > 0u;
     let near_pairs = atomicLoad(&contact_state.status.near) + atomicLoad(&contact_state.status.acting);
@@ -53,9 +48,9 @@ fn finish(
     }
     // Only free cloth gets the momentum back, and only then parts are sums.
     if is_free() {
-        gather(Part(vec4f(mine, 0.0), vec4f()), lane);
-        let at = group.x + group.y * groups.x;
-        if lane == 0u && at < contact_params.groups {
+        gather(Part(vec4f(mine, 0.0), vec4f()), me.lane);
+        let at = number_of(group);
+        if me.lane == 0u && at < contact_params.groups {
             contact_state.parts[at].low = low[0];
         }
     }
@@ -94,19 +89,15 @@ fn clear_sums(i: u32) {
 
 // Used if there are no kinematic vertices. Each workgroup computes the sum by itself, in the same order.
 @compute @workgroup_size(WORKGROUP)
-fn give_back(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
+fn give_back(me: Invocation, group: Workgroup) {
     var mine = Part();
-    for (var k = lane; k < contact_params.groups; k += WORKGROUP) {
+    for (var k = me.lane; k < contact_params.groups; k += WORKGROUP) {
         mine.low += contact_state.parts[k].low;
     }
-    gather(mine, lane);
+    gather(mine, me.lane);
     workgroupBarrier();
     let back = low[0].xyz * contact_params.per_mass;
-    let i = item(id, groups);
+    let i = item(me.id, group.all);
     if i < contact_params.vertices && vertices[i].x.w != 0.0 && !has_stopped() && any(back != vec3f()) {
         let u = vertices[i].u.xyz + back;
         x_out[i] = vec4f(vertices[i].x.xyz + vertices[i].push.xyz + u, vertices[i].x.w);

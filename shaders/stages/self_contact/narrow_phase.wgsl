@@ -134,26 +134,22 @@ fn thickness_of(is_edge: bool, row: u32, other: u32) -> f32 {
 }
 
 @compute @workgroup_size(MEASURERS)
-fn measure(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    if lane == 0u {
+fn measure(me: Invocation, group: Workgroup) {
+    if me.lane == 0u {
         with_triangles = atomicLoad(&contact_state.status.candidates);
         let all = with_triangles + atomicLoad(&contact_state.status.edge_candidates);
         total = select(0u, all, goes_on() && all <= CANDIDATES * space());
-        if goes_on() && group.x + group.y == 0u {
+        if goes_on() && number_of(group) == 0u {
             demand_space(all, CANDIDATES);
         }
     }
     let end = workgroupUniformLoad(&total);
-    for (var first = (group.x + group.y * groups.x) * MEASURERS; first < end; first += groups.x * groups.y * MEASURERS) {
-        if lane < 2u {
-            atomicStore(&listed_here[lane], 0u);
+    for (var first = number_of(group) * MEASURERS; first < end; first += group.all.x * group.all.y * MEASURERS) {
+        if me.lane < 2u {
+            atomicStore(&listed_here[me.lane], 0u);
         }
         workgroupBarrier();
-        let k = first + lane;
+        let k = first + me.lane;
         let is_edge = k >= with_triangles;
         var candidate: vec2u;
         var thickness = 0.0;
@@ -166,7 +162,7 @@ fn measure(
             }
         }
         workgroupBarrier();
-        reserve(lane);
+        reserve(me.lane);
         workgroupBarrier();
         // Only now is the rest of a pair computed, which would take registers while places are waited for.
         let index = first_listed[u32(is_edge)] + rank;

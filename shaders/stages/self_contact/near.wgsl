@@ -35,18 +35,14 @@ fn closest_of(at: Four, is_edge: bool, u: Four, mean: vec3f, pushed: f32) -> Clo
 // Used instead of the response while pairs are listed but none is near: stops the step if one may be. The margin covers
 // rounding, because kernels may round differently.
 @compute @workgroup_size(WORKGROUP)
-fn glance(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let all = listed_pairs(lane);
+fn glance(me: Invocation, group: Workgroup) {
+    let all = listed_pairs(me.lane);
     if all == 0u {
         return;
     }
-    let mean = mean_of_parts(lane);
+    let mean = mean_of_parts(me.lane);
     let pushed = max(contact_state.status.pushed, bitcast<f32>(atomicLoad(&contact_state.status.most_push)));
-    for (var k = item(id, groups); k < all; k += stride(groups)) {
+    for (var k = item(me.id, group.all); k < all; k += stride(group.all)) {
         let pair = pairs[place(k)];
         let is_edge = k >= with_vertices;
         let closest = closest_of(positions(pair.corners), is_edge, displacements(pair.corners), mean, pushed);
@@ -109,18 +105,14 @@ fn proximity_of(k: u32) -> Proximity {
 }
 
 @compute @workgroup_size(FINDERS)
-fn find(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let all = listed_pairs(lane);
-    for (var first = 0u; first < all; first += groups.x * groups.y * FINDERS) {
-        if lane < 2u {
-            atomicStore(&found[lane], 0u);
+fn find(me: Invocation, group: Workgroup) {
+    let all = listed_pairs(me.lane);
+    for (var first = 0u; first < all; first += group.all.x * group.all.y * FINDERS) {
+        if me.lane < 2u {
+            atomicStore(&found[me.lane], 0u);
         }
         workgroupBarrier();
-        let k = first + (group.x + group.y * groups.x) * FINDERS + lane;
+        let k = first + number_of(group) * FINDERS + me.lane;
         var proximity: Proximity;
         var rank = 0u;
         if k < all {
@@ -131,9 +123,9 @@ fn find(
         }
         workgroupBarrier();
         // Two invocations, because each must wait for an answer.
-        if lane == 0u {
+        if me.lane == 0u {
             firsts[0] = atomicAdd(&contact_state.status.near, atomicLoad(&found[0]));
-        } else if lane == 32u {
+        } else if me.lane == 32u {
             firsts[1] = atomicAdd(&contact_state.status.acting, atomicLoad(&found[1]));
         }
         workgroupBarrier();

@@ -142,23 +142,19 @@ fn push_pair(k: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn warm_start(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let acting = acting_pairs(lane);
-    begin_collecting(lane);
-    for (var first = (group.x + group.y * groups.x) * WORKGROUP; first < acting; first += stride(groups)) {
-        let k = first + lane;
+fn warm_start(me: Invocation, group: Workgroup) {
+    let acting = acting_pairs(me.lane);
+    begin_collecting(me.lane);
+    for (var first = number_of(group) * WORKGROUP; first < acting; first += stride(group.all)) {
+        let k = first + me.lane;
         if k < acting {
             warm_start_pair(k);
         }
-        end_collecting(IMPULSE, lane);
+        end_collecting(IMPULSE, me.lane);
         if k < acting {
             push_pair(k);
         }
-        end_collecting(PUSHED, lane);
+        end_collecting(PUSHED, me.lane);
     }
 }
 
@@ -183,18 +179,14 @@ fn step_pair(k: u32) {
 }
 
 @compute @workgroup_size(WORKGROUP)
-fn step_pairs(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let acting = acting_pairs(lane);
-    begin_collecting(lane);
-    for (var first = (group.x + group.y * groups.x) * WORKGROUP; first < acting; first += stride(groups)) {
-        if first + lane < acting {
-            step_pair(first + lane);
+fn step_pairs(me: Invocation, group: Workgroup) {
+    let acting = acting_pairs(me.lane);
+    begin_collecting(me.lane);
+    for (var first = number_of(group) * WORKGROUP; first < acting; first += stride(group.all)) {
+        if first + me.lane < acting {
+            step_pair(first + me.lane);
         }
-        end_collecting(IMPULSE, lane);
+        end_collecting(IMPULSE, me.lane);
     }
 }
 

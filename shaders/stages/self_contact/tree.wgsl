@@ -96,42 +96,38 @@ fn bounds_of_part(leaf: u32, part: u32) -> Node {
 // Bounds the leaves, each by several invocations, and the levels above as far as all nodes below are in the same workgroup.
 // The workgroups for mesh colliders follow those for the cloth.
 @compute @workgroup_size(BOUNDERS)
-fn bound(
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    if !is_due_here(lane) {
+fn bound(me: Invocation, group: Workgroup) {
+    if !is_due_here(me.lane) {
         return;
     }
     let each = BOUNDERS / PARTS;
     let of_cloth = (leaves() + each - 1u) / each;
-    let all = group.x + group.y * groups.x;
+    let all = number_of(group);
     let is_mesh = all >= of_cloth;
     let tree = tree_of(is_mesh);
     let first = (all - select(0u, of_cloth, is_mesh)) * each;
-    let leaf = first + lane / PARTS;
+    let leaf = first + me.lane / PARTS;
     if leaf < tree.leaves {
-        below[lane] = bounds_of_part(leaf + select(0u, leaves(), is_mesh), lane % PARTS);
+        below[me.lane] = bounds_of_part(leaf + select(0u, leaves(), is_mesh), me.lane % PARTS);
     }
     let depth = select(contact_params.depth, contact_params.mesh_depth, is_mesh);
     let to_leaf = firstTrailingBit(PARTS);
     for (var width = 1u; width <= min(to_leaf + depth, firstTrailingBit(BOUNDERS)); width++) {
         // The level of the tree, counted from the leaves.
         let level = max(width, to_leaf) - to_leaf;
-        let number = (first >> level) + lane;
-        let is_mine = lane < (BOUNDERS >> width);
+        let number = (first >> level) + me.lane;
+        let is_mine = me.lane < (BOUNDERS >> width);
         workgroupBarrier();
         var node: Node;
         if is_mine {
-            node = join(below[2u * lane], below[2u * lane + 1u]);
+            node = join(below[2u * me.lane], below[2u * me.lane + 1u]);
             if width >= to_leaf && number < (tree.leaves >> level) {
                 nodes[tree.before + (tree.leaves >> level) + number] = node;
             }
         }
         workgroupBarrier();
         if is_mine {
-            below[lane] = node;
+            below[me.lane] = node;
         }
     }
 }

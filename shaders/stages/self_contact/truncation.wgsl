@@ -107,13 +107,9 @@ fn slide_vertex(v: u32, direction: vec3f, by: f32) {
 
 // Truncates for all near pairs, and stores the multipliers of those that act in the list.
 @compute @workgroup_size(WORKGROUP)
-fn truncate(
-    @builtin(global_invocation_id) id: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let acting = acting_pairs(lane);
-    if lane == 0u {
+fn truncate(me: Invocation, group: Workgroup) {
+    let acting = acting_pairs(me.lane);
+    if me.lane == 0u {
         var skips = is_idle() || (AGAIN && atomicLoad(&contact_state.status.again) == 0u);
         // What slides is truncated again.
         skips |= ROUND > 0u && !AGAIN && atomicLoad(&contact_state.status.again) > 0u;
@@ -124,12 +120,12 @@ fn truncate(
         atomicStore(&pressing, 0u);
     }
     let all = workgroupUniformLoad(&total);
-    if ROUND == 0u && item(id, groups) == 0u {
+    if ROUND == 0u && item(me.id, group.all) == 0u {
         atomicStore(&contact_state.status.cuts_more, 0u);
     }
     var mine = 0u;
     var squeezed = 0u;
-    for (var k = item(id, groups); k < all; k += stride(groups)) {
+    for (var k = item(me.id, group.all); k < all; k += stride(group.all)) {
         let acts = k < acting;
         let n = near_at(place_of(select(1u, 2u, acts), select(k - acting, k, acts)));
         truncate_pair(n);
@@ -146,7 +142,7 @@ fn truncate(
         atomicAdd(&pressing, mine);
     }
     workgroupBarrier();
-    if lane == 0u && atomicLoad(&pressing) > 0u {
+    if me.lane == 0u && atomicLoad(&pressing) > 0u {
         atomicAdd(&contact_state.status.pressing, atomicLoad(&pressing));
     }
 }

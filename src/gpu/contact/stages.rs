@@ -65,8 +65,8 @@ pub(super) struct Stages {
 impl Stages {
     pub(super) fn new(gpu: &Gpu, forces: &Forces, buffers: &Buffers, has_meshes: bool) -> Stages {
         let stage_with = |shader: Shader, name: &'static str, uses: &[usize], constants: &[(&'static str, f64)]| {
-            let bound = groups(&forces.states, |from, to| bound(buffers, uses, from, to));
-            Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bound)
+            let bindings = groups(&forces.states, |from, to| bindings(buffers, uses, from, to));
+            Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bindings)
         };
         let stage = |shader, name, uses: &[usize]| stage_with(shader, name, uses, &[]);
         let of_few_or_many = |name| {
@@ -126,7 +126,7 @@ impl Stages {
 }
 
 /// The bindings of a kernel that `uses` some of the buffers, in a substep from one state to another.
-fn bound<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &'a StateBuffers) -> Vec<Bind<'a>> {
+fn bindings<'a>(buffers: &'a Buffers, uses: &[usize], from: &'a StateBuffers, to: &'a StateBuffers) -> Vec<Bind<'a>> {
     let all = [
         Bind::Uniform(&buffers.contact_params.buffer),
         Bind::Read(&buffers.table),

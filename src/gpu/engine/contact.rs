@@ -56,13 +56,20 @@ impl GpuEngine {
     pub(super) fn step_with(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         let meshes = plan.meshes.iter().map(|body| &body.from);
         let replaced = self.prepare_contact(plan.cloth, plan.contact, meshes)?;
-        let stepped = if self.contact.is_some() { self.step_with_contact(plan) } else { self.step_alone(plan) };
-        if let (Err(failure), Some(Replaced(before))) = (&stepped, replaced) {
-            self.contact = before;
-            // An earlier step has failed, and this is the contact of its end.
-            if matches!(failure, Failure::Unstable { .. }) {
-                self.contact.iter_mut().for_each(|contact| contact.forget());
+        let stepped = match self.contact.take() {
+            None => self.step_alone(plan),
+            Some(mut contact) => {
+                let stepped = self.step_with_contact(&mut contact, plan);
+                self.contact = Some(contact);
+                stepped
             }
+        };
+        if let (Err(_), Some(Replaced(before))) = (&stepped, replaced) {
+            self.contact = before;
+        }
+        // An earlier step has failed, and this is the contact of its end.
+        if let (Err(Failure::Unstable { .. }), Some(contact)) = (&stepped, &mut self.contact) {
+            contact.forget();
         }
         stepped
     }
@@ -105,42 +112,42 @@ impl GpuEngine {
 
     /// Does one step, and waits for it. If the first attempt did not suffice, the step is rolled back and repeated.
     /// Contact resolves the colliders too, so the sweep ignores them.
-    fn step_with_contact(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+    fn step_with_contact(&mut self, contact: &mut GpuContact, plan: &Plan<'_>) -> Result<(), Failure> {
         let gpu = self.gpu.clone();
-        self.contact.iter_mut().for_each(|contact| contact.note_meshes(plan));
-        let mut searched = self.contact.as_ref().is_some_and(|contact| contact.on_cpu.must_search());
+        contact.note_meshes(plan);
+        let mut searched = contact.on_cpu.must_search();
         if searched {
-            self.find_crossings(plan)?;
+            self.find_crossings(contact, plan)?;
         }
         let swept = plan.without_bodies();
         let swept = Plan { params: Params { checks: 0, ..swept.params }, ..swept };
         let begun = gpu.checked(|| {
             self.prepare(&swept, false);
             Gpu::refused()?;
-            self.contact.iter_mut().for_each(|contact| contact.begin(&gpu, plan));
+            contact.begin(&gpu, plan);
             Ok(())
         });
         begun.map_err(|fault| self.break_off(fault))?;
         loop {
-            let attempted = gpu.checked(|| self.attempt(&gpu, plan, &swept, searched));
+            let attempted = gpu.checked(|| self.attempt(&gpu, contact, [plan, &swept], searched));
             match attempted.map_err(|fault| self.break_off(fault))? {
                 Judgment::Good => break,
                 Judgment::Again => {}
                 Judgment::Search => {
-                    self.find_crossings(plan)?;
+                    self.find_crossings(contact, plan)?;
                     searched = true;
                 }
                 Judgment::Crowded(pairs) => return Err(Failure::Crowded(pairs)),
             }
         }
-        self.ignore_pinched(plan)
+        self.ignore_pinched(contact, plan)
     }
 
     /// Searches for intersections at the start of the step.
-    fn find_crossings(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
+    fn find_crossings(&mut self, contact: &mut GpuContact, plan: &Plan<'_>) -> Result<(), Failure> {
         let mut x = Vec::new();
         self.read(|at, _| x.extend_from_slice(at))?;
-        if let Some(x) = self.contact.as_mut().and_then(|contact| contact.find_crossings(plan, x)) {
+        if let Some(x) = contact.find_crossings(plan, x) {
             // If the step fails, the next one starts from there, too.
             self.gpu.write(&self.forces.states[0].x, 0, &x);
         }
@@ -148,26 +155,29 @@ impl GpuEngine {
     }
 
     /// Searches for intersections at the end of the step where cloth may have been pinched.
-    fn ignore_pinched(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
-        if self.contact.as_ref().is_some_and(|contact| contact.on_cpu.is_pinched()) {
+    fn ignore_pinched(&mut self, contact: &mut GpuContact, plan: &Plan<'_>) -> Result<(), Failure> {
+        if contact.on_cpu.is_pinched() {
             let mut x = Vec::new();
             self.read(|at, _| x.extend_from_slice(at))?;
-            self.contact.iter_mut().for_each(|contact| contact.ignore_pinched(plan, std::mem::take(&mut x)));
+            contact.ignore_pinched(plan, x);
         }
         Ok(())
     }
 
-    /// Attempts the substeps of a step, waits for them, and commits the step if they are good. Unless intersections were
-    /// `searched` for, the CPU meanwhile finds out whether they must be.
-    fn attempt(&mut self, gpu: &Gpu, plan: &Plan<'_>, swept: &Plan<'_>, searched: bool) -> Result<Judgment, GpuFault> {
-        let GpuEngine { contact, forces, .. } = self;
-        contact.iter_mut().for_each(|contact| contact.prepare(gpu, plan, forces));
+    /// Attempts the substeps of a step, waits for them, and commits the step if they are good. The sweep has a plan of its
+    /// own. Unless intersections were `searched` for, the CPU meanwhile finds out whether they must be.
+    fn attempt(
+        &mut self,
+        gpu: &Gpu,
+        contact: &mut GpuContact,
+        [plan, swept]: [&Plan<'_>; 2],
+        searched: bool,
+    ) -> Result<Judgment, GpuFault> {
+        contact.prepare(gpu, plan, &self.forces);
         Gpu::refused()?;
-        let save = |encoder: &mut wgpu::CommandEncoder| self.contact.iter_mut().for_each(|contact| contact.save(encoder));
-        let mut submission = Submission::in_portions(gpu, save);
-        self.encode_substeps(&mut submission, swept, Some(plan));
+        let mut submission = Submission::in_portions(gpu, |encoder| contact.save(encoder));
+        self.encode_substeps(&mut submission, swept, Some((&*contact, plan)));
         self.dispatches = submission.dispatches();
-        let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         submission.submit_with(|encoder| contact.copy(encoder));
         if !searched && contact.on_cpu.kinematics_cross(plan) {
             contact.roll_back(gpu);
@@ -178,7 +188,6 @@ impl GpuEngine {
         self.encode_commit(&mut commit, swept);
         self.dispatches += commit.dispatches();
         let commit = commit.finish_with(|encoder| self.report.copy_if_due(encoder, &self.commit.found));
-        let Some(contact) = &mut self.contact else { return Ok(Judgment::Good) };
         let judgment = contact.judge(gpu)?;
         if matches!(judgment, Judgment::Good) {
             let submission = gpu.queue().submit([commit]);

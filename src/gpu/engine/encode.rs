@@ -1,7 +1,9 @@
 //! The commands of a step: its substeps, and its end.
 
+use super::route::Besides;
 use super::{EdgeSweep, GpuEngine, Route};
 use crate::device::IN_BROWSER;
+use crate::gpu::contact::GpuContact;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::state::{PING_PONG, ping_pong};
 use crate::gpu::statistics::Counter;
@@ -9,10 +11,10 @@ use crate::gpu::submission::Submission;
 use crate::step::plan::Plan;
 
 impl GpuEngine {
-    /// Encodes the commands of a step. Returns the number of their dispatches.
-    pub(super) fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, route: Route) -> usize {
+    /// Encodes the commands of the step that was prepared. Returns the number of their dispatches.
+    pub(super) fn encode(&self, submission: &mut Submission<'_>, plan: &Plan<'_>) -> usize {
         let before = submission.dispatches();
-        if let (Route::SingleWorkgroup, Some(single)) = (route, &self.single_workgroup) {
+        if let (Route::SingleWorkgroup, Some(single)) = (self.way.route, &self.single_workgroup) {
             let pass = submission.group();
             self.forces.bind_substep(pass, 0);
             single.encode(pass);
@@ -24,15 +26,19 @@ impl GpuEngine {
         submission.dispatches() - before
     }
 
-    /// Encodes the substeps, each followed by contact of triangles if there is a `contact_plan`, which has the colliders.
-    pub(super) fn encode_substeps(&self, submission: &mut Submission<'_>, plan: &Plan<'_>, contact_plan: Option<&Plan<'_>>) {
-        let forced = self.forced(plan);
-        let predicted = forced.params.predicted != 0;
+    /// Encodes the substeps, each followed by contact of triangles if there is any; the plan beside it has the colliders.
+    pub(super) fn encode_substeps(
+        &self,
+        submission: &mut Submission<'_>,
+        plan: &Plan<'_>,
+        contact: Option<(&GpuContact, &Plan<'_>)>,
+    ) {
+        let forced = self.way.forced(plan);
         for substep in 0..plan.substeps.len() {
             let group = ping_pong(substep);
             let pass = submission.group();
             self.forces.bind_substep(pass, substep);
-            if predicted {
+            if self.way.predicted {
                 self.forces.encode(pass, &forced, PING_PONG[group][0]);
             }
             let multigrid = self.multigrid(plan);
@@ -40,18 +46,18 @@ impl GpuEngine {
                 if !self.forces.averages(&forced) {
                     multigrid.encode_averages(pass, &forced, group);
                 }
-                if !self.corrects_in_tiles(plan) {
+                if self.way.besides != Besides::Correcting {
                     multigrid.encode(pass, plan);
                 }
             }
             match &self.sweep {
-                EdgeSweep::Tiled(tiled) => self.tiled(tiled, plan).encode(pass, group, predicted),
+                EdgeSweep::Tiled(tiled) => self.tiled(tiled).encode(pass, group, self.way.predicted),
                 EdgeSweep::PerColor(per_color) => {
                     multigrid.into_iter().for_each(|multigrid| multigrid.encode_correct(pass, plan));
                     per_color.encode(pass, plan, group);
                 }
             }
-            if let (Some(contact), Some(contact_plan), false) = (&self.contact, contact_plan, IN_BROWSER) {
+            if let (Some((contact, contact_plan)), false) = (contact, IN_BROWSER) {
                 contact.encode(pass, contact_plan, substep, group);
             }
         }

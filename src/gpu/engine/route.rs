@@ -2,7 +2,7 @@
 
 use super::{EdgeSweep, GpuEngine};
 use crate::device::Gpu;
-use crate::gpu::sweep::{SingleWorkgroup, SweepInputs, Tiled};
+use crate::gpu::sweep::{OnDemand, SingleWorkgroup, SweepInputs, Tiled};
 use crate::gpu::tethers;
 use crate::gpu::tiles::{IN_TILE, TileSize};
 use crate::kernels::integrate::Pin;
@@ -33,6 +33,32 @@ pub(crate) enum Route {
     SingleWorkgroup,
 }
 
+/// What tiles do besides sweeping.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Besides {
+    Nothing,
+    Bending,
+    /// Correcting by a single level.
+    Correcting,
+}
+
+/// How a step is done.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Way {
+    pub route: Route,
+    pub besides: Besides,
+    /// Whether the displacements are predicted before the sweep.
+    pub predicted: bool,
+}
+
+impl Way {
+    /// The part of a step that is computed before its sweep: not what tiles compute themselves.
+    pub(super) fn forced<'a>(self, plan: &Plan<'a>) -> Plan<'a> {
+        let params = Params { predicted: self.predicted.into(), ..plan.params };
+        Plan { bending: plan.bending && self.besides != Besides::Bending, params, ..*plan }
+    }
+}
+
 impl GpuEngine {
     pub(super) fn best(gpu: &Gpu, cloth: &Cloth, method: Method) -> (Route, TileSize) {
         let vertices = cloth.rest.len();
@@ -51,16 +77,20 @@ impl GpuEngine {
 
     /// Prepares for steps in one workgroup, if the cloth fits, with everything that this step and earlier ones use.
     pub(super) fn make_single_workgroup(&mut self, plan: &Plan<'_>) {
-        let GpuEngine { gpu, forces, bodies, commit, single_workgroup, .. } = self;
-        let [bends, air] = single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
+        let [bends, air] = self.single_workgroup.as_ref().map_or([false; 2], SingleWorkgroup::forces);
         let wanted = [bends || plan.bending, air || plan.air];
         let has_levels = |single: &SingleWorkgroup| plan.levels.is_empty() || single.has_levels();
-        let there = single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, air]);
+        let there = self.single_workgroup.as_ref().is_some_and(|single| has_levels(single) && wanted == [bends, air]);
         if !there && plan.method != Method::Springs {
-            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: None };
-            let made = SingleWorkgroup::new(gpu, plan.cloth, plan.levels, wanted, bound);
-            *single_workgroup = made.or(single_workgroup.take());
+            let made = SingleWorkgroup::new(&self.gpu, plan.cloth, plan.levels, wanted, self.inputs());
+            self.single_workgroup = made.or(self.single_workgroup.take());
         }
+    }
+
+    /// The buffers that the sweep works on.
+    fn inputs(&self) -> SweepInputs<'_> {
+        let GpuEngine { forces, bodies, multigrid, commit, .. } = self;
+        SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() }
     }
 
     /// Whether tiles may bend the cloth in this step. Levels average displacements with bending, and wind is computed
@@ -71,49 +101,47 @@ impl GpuEngine {
     }
 
     /// Prepares the tiles for steps with bending in a single pass.
-    pub(super) fn make_bent(&mut self, plan: &Plan<'_>) {
-        let GpuEngine { gpu, forces, bodies, sweep, bent, commit, .. } = self;
-        if let EdgeSweep::Tiled(tiled) = sweep {
-            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: None };
-            bent.make(|| tiled.bent(gpu, plan.cloth, bound));
+    pub(super) fn make_bent(&self, plan: &Plan<'_>) {
+        if let EdgeSweep::Tiled(tiled) = &self.sweep {
+            self.bent.get_or_init(|| tiled.bent(&self.gpu, plan.cloth, self.inputs()).map(Box::new));
         }
     }
 
     /// Prepares the tiles for steps with a single level, unless that is too large for one workgroup: then tiles of its own
     /// overlap less.
-    pub(super) fn make_corrected(&mut self, plan: &Plan<'_>) {
-        let GpuEngine { gpu, forces, bodies, sweep, corrected, multigrid, room, commit, .. } = self;
-        if let (EdgeSweep::Tiled(tiled), [level, ..], 1) = (sweep, plan.levels, plan.params.levels) {
-            let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
-            let fits = level.inverse_mass.len() <= *room;
-            corrected.make(|| fits.then(|| tiled.corrected(gpu, plan.cloth, level, bound)).flatten());
+    pub(super) fn make_corrected(&self, plan: &Plan<'_>) {
+        if let (EdgeSweep::Tiled(tiled), [level, ..], 1) = (&self.sweep, plan.levels, plan.params.levels) {
+            let fits = level.inverse_mass.len() <= self.max_aggregates;
+            let make = || tiled.corrected(&self.gpu, plan.cloth, level, self.inputs()).map(Box::new);
+            self.corrected.get_or_init(|| if fits { make() } else { None });
         }
     }
 
-    /// Whether tiles correct the cloth by a level in this step.
-    pub(super) fn corrects_in_tiles(&self, plan: &Plan<'_>) -> bool {
-        plan.params.levels == 1 && self.corrected.made().is_some()
-    }
-
-    /// Whether tiles bend the cloth in this step.
-    pub(super) fn bends_in_tiles(&self, plan: &Plan<'_>) -> bool {
-        GpuEngine::may_bend_in_tiles(plan) && self.bent.made().is_some()
-    }
-
-    /// The tiles that do a step.
-    pub(super) fn tiled<'a>(&'a self, tiled: &'a Tiled, plan: &Plan<'_>) -> &'a Tiled {
-        let more = if self.bends_in_tiles(plan) { &self.bent } else { &self.corrected };
-        let does = self.bends_in_tiles(plan) || self.corrects_in_tiles(plan);
-        more.made().filter(|_| does).unwrap_or(tiled)
-    }
-
-    /// The part of a step that is computed before its sweep: not what tiles compute themselves.
-    pub(super) fn forced<'a>(&self, plan: &Plan<'a>) -> Plan<'a> {
-        let forced = Plan { bending: plan.bending && !self.bends_in_tiles(plan), ..*plan };
+    /// How a step is done that takes this route, with the tiles that there are.
+    pub(super) fn way(&self, plan: &Plan<'_>, route: Route) -> Way {
+        let are_made = |tiles: &OnDemand| tiles.get().is_some_and(Option::is_some);
+        let besides = if GpuEngine::may_bend_in_tiles(plan) && are_made(&self.bent) {
+            Besides::Bending
+        } else if plan.params.levels == 1 && are_made(&self.corrected) {
+            Besides::Correcting
+        } else {
+            Besides::Nothing
+        };
+        let way = Way { route, besides, predicted: true };
         // The levels' averages include the pins' motion.
         let has_moving_pins = plan.params.levels > 0 && !plan.pins.is_empty();
-        let predicted = u32::from(!matches!(self.sweep, EdgeSweep::Tiled(_)) || forced.has_forces() || has_moving_pins);
-        Plan { params: Params { predicted, ..plan.params }, ..forced }
+        let predicted = !matches!(self.sweep, EdgeSweep::Tiled(_)) || way.forced(plan).has_forces() || has_moving_pins;
+        Way { predicted, ..way }
+    }
+
+    /// The tiles that do the step.
+    pub(super) fn tiled<'a>(&'a self, tiled: &'a Tiled) -> &'a Tiled {
+        let more = match self.way.besides {
+            Besides::Nothing => None,
+            Besides::Bending => self.bent.get(),
+            Besides::Correcting => self.corrected.get(),
+        };
+        more.and_then(Option::as_deref).unwrap_or(tiled)
     }
 
     /// Whether a single workgroup is the fastest route for the step of a cloth alone, or of one in a crowd.

@@ -1,5 +1,7 @@
 //! Access to a cloth on the GPU between steps: its state (set, read, requested, restored), statistics, and what is drawn of it.
 
+use std::sync::Arc;
+
 use glam::Vec4;
 
 use super::{EdgeSweep, GpuEngine};
@@ -7,6 +9,7 @@ use crate::device::IN_BROWSER;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
 use crate::gpu::bound_mesh::BoundMesh;
+use crate::gpu::stage::SubmittedStage;
 use crate::gpu::statistics::Counter;
 use crate::gpu::surface::{Normals, Surface};
 use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES};
@@ -156,26 +159,30 @@ impl GpuEngine {
     }
 
     /// Submits the computation of the normals after the steps so far.
-    pub(crate) fn surface(&mut self, cloth: &Cloth) -> Result<Surface, Failure> {
-        let GpuEngine { gpu, forces, normals, .. } = self;
+    pub(crate) fn surface(&self, cloth: &Cloth) -> Result<Surface, Failure> {
         // A lost device takes submissions as if nothing had happened.
-        if gpu.is_lost() {
+        if self.gpu.is_lost() {
             return Err(Failure::Gpu(GpuFault::Lost));
         }
-        let surface = gpu.checked(|| {
-            let normals = normals.get_or_insert_with(|| Normals::new(gpu, cloth, &forces.states[0].x));
-            normals.submit(gpu);
-            Ok(normals.surface.clone())
-        });
-        // What could not be made is incomplete.
-        surface.map_err(|fault| {
-            *normals = None;
-            Failure::Gpu(fault)
-        })
+        let normals = self.gpu.checked(|| {
+            let normals = self.normals(cloth);
+            SubmittedStage::submit(&self.gpu, &[&normals.stage]);
+            Ok(normals)
+        })?;
+        Ok(self.normals.get_or_init(|| normals).surface.clone())
+    }
+
+    /// The stage that computes normals. A new one is kept by the caller if nothing of it was refused.
+    fn normals(&self, cloth: &Cloth) -> Arc<Normals> {
+        let made = self.normals.get().cloned();
+        made.unwrap_or_else(|| Arc::new(Normals::new(&self.gpu, cloth, &self.forces.states[0].x)))
     }
 
     /// A render mesh that follows the cloth, its vertices given.
     pub(crate) fn bind(&self, cloth: &Cloth, vertices: &[BoundVertex], has_normals: bool) -> Result<BoundMesh, GpuFault> {
-        BoundMesh::new(&self.gpu, cloth, &self.forces.states[0].x, vertices, has_normals)
+        self.gpu.meets("the render mesh's vertices", size_of_val(vertices) as u64)?;
+        let bound = self.gpu.checked(|| Ok(BoundMesh::new(&self.gpu, self.normals(cloth), vertices, has_normals)))?;
+        self.normals.get_or_init(|| Arc::clone(&bound.normals));
+        Ok(bound)
     }
 }

@@ -1,7 +1,7 @@
 //! Coarse levels that fit together into one workgroup, in the form that `stages/levels.wgsl` reads.
 
 use crate::device::Gpu;
-use crate::gpu::tiles::NO_EDGE;
+use crate::gpu::stage::NONE;
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
@@ -75,7 +75,7 @@ impl LevelTable {
         below.into_iter().for_each(|below| push_members(&mut table, &levels[0], below as u32, of_finest));
         levels[1..].iter().zip(&place).for_each(|(level, &below)| push_members(&mut table, level, below as u32, members));
         let edges = table.len();
-        table.resize(edges + 3 * width * colors, NO_EDGE);
+        table.resize(edges + 3 * width * colors, NONE);
         for (color, (level, part)) in runs.iter().enumerate() {
             let links = all[*level].links[part.clone()].iter();
             let moved = links.map(|link| link.ends.map(|end| end + place[level - finest] as u32));

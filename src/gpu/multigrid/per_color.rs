@@ -1,10 +1,9 @@
 //! Sweeping levels with one dispatch per color, for any mesh.
 
-use crate::device::{Entry, Gpu};
+use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, Bind, ComputePass, Stage, batches, slot};
-use crate::gpu::tiles::NO_EDGE;
+use crate::gpu::stage::{Batch, Bind, ComputePass, NONE, Stage, batches, slot};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
@@ -42,7 +41,7 @@ impl LevelsPerColor {
         for (level, above) in levels[1..].iter().zip(&aggregates[1..]) {
             labels.extend(level.label.iter().map(|label| above.first + label));
         }
-        labels.resize(labels.len() + levels[levels.len() - 1].inverse_mass.len(), NO_EDGE);
+        labels.resize(labels.len() + levels[levels.len() - 1].inverse_mass.len(), NONE);
         let labels = gpu.filled("labels", &labels);
         let of_vertices = gpu.filled("labels of vertices", &levels[0].label);
         let corrected = gpu.buffer("corrected", shift.size());
@@ -56,7 +55,7 @@ impl LevelsPerColor {
                 Bind::Write(shift),
                 Bind::Write(&forces.u),
             ];
-            Stage::new(gpu, &forces.uniforms, Entry { shader: shaders::LEVELS_PER_COLOR, name, constants: &[] }, &[bound])
+            Stage::new(gpu, &forces.uniforms, shaders::LEVELS_PER_COLOR.entry(name), &[bound])
         };
         let [begin, prolongate, sweep, note] =
             ["begin_at", "prolongate", "sweep_coarse", "note_shift"].map(|name| stage(name, &labels));

@@ -6,8 +6,8 @@ use glam::Vec4;
 use crate::device::{Entry, Gpu};
 use crate::gpu::multigrid::level_table::LevelTable;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, BindGroup, ComputePass, Stage, lanes};
-use crate::gpu::tiles::{NO_EDGE, TileSize, Tiles};
+use crate::gpu::stage::{Bind, BindGroup, ComputePass, NONE, Stage, lanes};
+use crate::gpu::tiles::{TileSize, Tiles};
 use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
@@ -44,7 +44,7 @@ impl TiledLevels {
                 TileSize { own: OWN, room, bytes: gpu.most_table_bytes() },
             )?;
             let above = levels.get(index + 1);
-            let label = |item: u32| above.map_or(NO_EDGE, |above| starts[index + 1] as u32 + above.label[item as usize]);
+            let label = |item: u32| above.map_or(NONE, |above| starts[index + 1] as u32 + above.label[item as usize]);
             tiles.set_labels(label, starts[index] as u32);
             let table = gpu.filled("tiles of a level", &tiles.table);
             let bound = vec![Bind::Read(&table), Bind::Read(averages), Bind::Write(shift)];

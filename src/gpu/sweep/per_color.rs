@@ -1,7 +1,7 @@
 //! One dispatch per color, and one for contact: for any mesh and any number of sweeps. The other sweeps are tested
 //! against it.
 
-use crate::device::{Entry, Gpu};
+use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, Bind, ComputePass, Sent, Stage, batches, slot};
@@ -33,12 +33,11 @@ impl PerColor {
         let bound = groups(&forces.states, |from, _| {
             vec![Bind::Dynamic(&slots, size_of::<Batch>()), Bind::Read(&edges), Bind::Read(&from.x), Bind::Write(&forces.u)]
         });
-        let entry = Entry { shader: shaders::PROJECT, name: "project", constants: &[] };
-        let project = Stage::new(gpu, &forces.uniforms, entry, &bound);
+        let project = Stage::new(gpu, &forces.uniforms, shaders::PROJECT.entry("project"), &bound);
         let size = tethers::size(cloth);
         let tethers = (size > 0).then(|| gpu.buffer("tethers", size as u64));
-        let entry = Entry { shader: shaders::CONTACT, name: "contact", constants: &[] };
-        let contact = Stage::new(gpu, &forces.uniforms, entry, &PerColor::bound_by_contact(forces, bodies, tethers.as_ref()));
+        let bound = PerColor::bound_by_contact(forces, bodies, tethers.as_ref());
+        let contact = Stage::new(gpu, &forces.uniforms, shaders::CONTACT.entry("contact"), &bound);
         PerColor { colors, edges, tethers, length: None, project, contact }
     }
 

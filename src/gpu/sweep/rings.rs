@@ -1,8 +1,8 @@
 //! What bending in a single pass needs around the tiles of a sweep: more vertices, and the entries of each.
 
 use crate::device::Gpu;
-use crate::gpu::bend_tiles::{NO_PLACE, surrounded};
-use crate::gpu::stage::lanes;
+use crate::gpu::bend_tiles::surrounded;
+use crate::gpu::stage::{NONE, lanes};
 use crate::gpu::tiles::{IN_TILE, Tiles};
 use crate::kernels::bending::BendEntry;
 use crate::model::csr::Csr;
@@ -40,12 +40,12 @@ fn push_entries(vertices: &[u32], entries: &Csr<BendEntry>, [bent, ring]: [usize
 /// Adds to each tile the vertices whose moments act on those that it sweeps, and the ring around these. `None` if some
 /// tile would have no room, or more vertices than a workgroup has invocations.
 pub(crate) fn with_rings(gpu: &Gpu, tiles: &Tiles, entries: &Csr<BendEntry>) -> Option<(Tiles, Rings)> {
-    let mut place = vec![NO_PLACE; entries.spans.len()];
+    let mut place = vec![NONE; entries.spans.len()];
     // The vertices of each tile: first those that are swept, then those whose moments also act on these, then those on which the
     // moments depend; and the ends of the first two parts.
     let with_ring = |list: &[u32]| {
         let (vertices, ends) = surrounded(list.to_vec(), entries, 1, usize::MAX, &mut place)?;
-        vertices.iter().for_each(|&vertex| place[vertex as usize] = NO_PLACE);
+        vertices.iter().for_each(|&vertex| place[vertex as usize] = NONE);
         Some((vertices, ends))
     };
     let parts: Vec<(Vec<u32>, Vec<usize>)> = tiles.lists().map(with_ring).collect::<Option<_>>()?;

@@ -1,16 +1,18 @@
 //! One dispatch per substep: each workgroup processes a tile of the cloth and its halo, with bending in a single pass or with
 //! the correction by a single level if the substep has that.
 
+use std::sync::OnceLock;
+
 use crate::device::{Entry, Gpu};
 use crate::gpu::forces::Forces;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::shaders;
-use crate::gpu::stage::{Bind, ComputePass, Sent, Stage, lanes};
+use crate::gpu::stage::{Bind, ComputePass, NONE, Sent, Stage, lanes};
 use crate::gpu::state::{PING_PONG, StateBuffers, groups};
 use crate::gpu::sweep::level::with_level;
 use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
-use crate::gpu::tiles::{NO_EDGE, Tiles};
+use crate::gpu::tiles::Tiles;
 use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
 use crate::multigrid::hierarchy::Level;
@@ -32,30 +34,8 @@ pub(crate) struct Tiled {
     stage: Stage,
 }
 
-/// Tiles that do more than sweep: created when a step first needs them.
-#[derive(Debug)]
-pub(crate) enum OnDemand {
-    Untried,
-    NoRoom,
-    Made(Box<Tiled>),
-}
-
-impl OnDemand {
-    /// Makes the tiles unless that was tried before.
-    pub(crate) fn make(&mut self, make: impl FnOnce() -> Option<Tiled>) {
-        if let OnDemand::Untried = self {
-            *self = make().map_or(OnDemand::NoRoom, |made| OnDemand::Made(Box::new(made)));
-        }
-    }
-
-    pub(crate) fn made(&self) -> Option<&Tiled> {
-        if let OnDemand::Made(tiled) = self { Some(tiled) } else { None }
-    }
-
-    pub(crate) fn made_mut(&mut self) -> Option<&mut Tiled> {
-        if let OnDemand::Made(tiled) = self { Some(tiled) } else { None }
-    }
-}
+/// Tiles that do more than sweep: made when a step first needs them; `None` if there is no room for them.
+pub(crate) type OnDemand = OnceLock<Option<Box<Tiled>>>;
 
 /// The buffers that tiles work on besides their table.
 #[derive(Debug, Clone, Copy)]
@@ -132,18 +112,17 @@ impl Tiled {
         let word = |byte: usize| (byte / size_of::<u32>()) as f64;
         let mut constants = tiles.constants(invocations).to_vec();
         constants.extend([("TETHERS", word(at.tethers)), ("PINS", word(at.pins))]);
-        let mut entry = Entry { shader: shaders::PLAIN_TILE, name: "substep_of_tile", constants: &[] };
+        let mut entry = shaders::PLAIN_TILE.entry("substep_of_tile");
         if let Some(Rings { table: entries, swept, bent, ring }) = rings {
             gpu.write(&table, at.rings, entries);
-            entry = Entry { shader: shaders::BENT_TILE, name: "substep_of_bent_tile", ..entry };
+            entry = shaders::BENT_TILE.entry("substep_of_bent_tile");
             constants.extend([("ROWS", word(at.rows)), ("RINGS", word(at.rings))]);
-            let numbers = [("FORCED", *swept), ("BENT", *bent), ("RING", *ring)];
+            let numbers = [("FORCED", *swept), ("BENT", *bent), ("RING", *ring), ("MOMENTS", 2 * bent)];
             constants.extend(numbers.map(|(name, value)| (name, value as f64)));
-            constants.push(("MOMENTS", (6 * bent) as f64));
         }
         if let Some(of_level) = &level {
             gpu.write(&table, at.level, &of_level.table);
-            entry = Entry { shader: shaders::CORRECTED_TILE, name: "substep_of_corrected_tile", ..entry };
+            entry = shaders::CORRECTED_TILE.entry("substep_of_corrected_tile");
             let numbers = [("LEVEL_ROOM", of_level.largest), ("LEVEL_WIDTH", of_level.widest), ("LEVEL_COLORS", of_level.colors)];
             constants.push(("LEVEL_TABLE", word(at.level)));
             constants.extend(numbers.map(|(name, value)| (name, value as f64)));
@@ -214,11 +193,11 @@ impl Tiled {
     }
 }
 
-/// For each vertex its index among the pins, which are sorted by vertex; [`NO_EDGE`] for all others.
+/// For each vertex its index among the pins, which are sorted by vertex; [`NONE`] for all others.
 fn index_of_pins(cloth: &Cloth) -> Vec<u32> {
     let mut pinned = cloth.pinned.clone();
     pinned.sort_unstable();
-    let mut index = vec![NO_EDGE; cloth.rest.len()];
+    let mut index = vec![NONE; cloth.rest.len()];
     pinned.iter().zip(0..).for_each(|(&vertex, k)| index[vertex as usize] = k);
     index
 }
