@@ -169,6 +169,7 @@ fn every_width_predicts_as_the_oracle_does() {
                 let inputs = StepInputs {
                     cloth: &cloth,
                     levels: &[],
+                    lacks_levels: false,
                     options,
                     coefficients: &coefficients,
                     motion: &motion,

@@ -37,6 +37,7 @@ fn any_groups_of_vertices_are_advanced_alike() {
         let inputs = StepInputs {
             cloth: &cloth,
             levels: &[],
+            lacks_levels: false,
             options: &options,
             coefficients: &coefficients,
             motion: &motion,

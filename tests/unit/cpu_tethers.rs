@@ -30,6 +30,7 @@ fn every_width_holds_as_the_oracle_does() {
     let inputs = StepInputs {
         cloth: &cloth,
         levels: &[],
+        lacks_levels: false,
         options: &options,
         coefficients: &coefficients,
         motion: &motion,

@@ -96,6 +96,7 @@ fn play_from(
         let inputs = StepInputs {
             cloth,
             levels: &hierarchy.levels,
+            lacks_levels: false,
             options,
             coefficients: &coefficients,
             motion: &motion,
@@ -294,7 +295,16 @@ fn each_of_a_crowd_is_one_dispatch() {
     let motions = scenes.each_ref().map(|(cloth, ..)| Motion::after(cloth, &cloth.rest, 0.0));
     let plans =
         scenes.iter().zip(&motions).zip(&mut buffers).map(|(((cloth, options, coefficients, attributes), motion), buffers)| {
-            let inputs = StepInputs { cloth, levels: &[], options, coefficients, motion, substeps: SUBSTEPS, attributes };
+            let inputs = StepInputs {
+                cloth,
+                levels: &[],
+                lacks_levels: false,
+                options,
+                coefficients,
+                motion,
+                substeps: SUBSTEPS,
+                attributes,
+            };
             Plan::new(&inputs, buffers)
         });
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
@@ -436,6 +446,7 @@ fn a_failed_step_is_undone_on_every_path() {
             let inputs = StepInputs {
                 cloth: &cloth,
                 levels: &[],
+                lacks_levels: false,
                 options: &options,
                 coefficients: &coefficients,
                 motion: &motion,

@@ -56,6 +56,7 @@ impl Scene {
         let inputs = StepInputs {
             cloth,
             levels: &[],
+            lacks_levels: false,
             options,
             coefficients,
             motion: &motion,
