@@ -21,8 +21,11 @@ pub enum Quality {
     /// stretch. The number is at least 5 per 1/60 s and at most 1.4 `S*`, more only where contact needs it, also to come
     /// to rest ([`Sleep`](crate::Sleep)). Stretch that remains with 1.4 `S*` is the fabric's own, measured anew after ten
     /// seconds of motion: fewer substeps then do, as long as they leave so much of its tension that friction still holds what is
-    /// pulled over a body. If a step exceeded the bound, [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how
-    /// much, and why.
+    /// pulled over a body.
+    ///
+    /// A step that exceeds the bound, and would not with more substeps, is undone and taken again with more, up to three times: what
+    /// stretched it, as cloth that hits itself, could not be told before. Such a step takes two or three times as long as others. If
+    /// it still exceeds the bound, [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and why.
     ///
     /// The choice is the same on any number of threads. To repeat a step bit for bit, pass
     /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to [`Quality::Substeps`], and
@@ -30,7 +33,7 @@ pub enum Quality {
     /// fewer levels.
     ///
     /// On the GPU the measurements are three steps old, because a step never waits for one that was submitted shortly
-    /// before; with contact of triangles it waits anyway. Methods other than the default do not use the bound: see
+    /// before; with contact of triangles it waits anyway. No step is taken again there. Methods other than the default do not use the bound: see
     /// [`Method`](crate::Method).
     Hold {
         /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.
