@@ -44,6 +44,7 @@ impl Rule {
     }
 }
 
+/// Values of the parameter `RULE` of [`SweepRows::rows`], one for each rule.
 const PROJECT: u8 = 0;
 const PULL_COARSE: u8 = 1;
 const PROJECT_COARSE: u8 = 2;

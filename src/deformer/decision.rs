@@ -5,7 +5,7 @@ use crate::deformer::Deformer;
 use crate::deformer::buckling::Looks;
 use crate::error::StepError;
 use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
-use crate::options::{Method, Quality};
+use crate::options::{Levels, Method, Quality};
 use crate::record::recorded;
 use crate::step::controller::{Controller, FEWEST_SUBSTEPS};
 use crate::step::load::{Fastest, Load};
@@ -38,7 +38,7 @@ pub(super) struct StepDecision {
     pub(super) substeps: u32,
     /// Number of coarse levels to ask for.
     pub(super) levels: u32,
-    /// Whether these are fewer than carry the load.
+    /// Whether these are fewer than carry the load, although the mesh may have no more.
     pub(super) lacks_levels: bool,
     /// What moves fastest in the step, and the bounds that its result is checked with.
     pub(super) fastest: Fastest,
@@ -77,9 +77,13 @@ impl Deformer {
             self.rates.divide(&self.cloth, &self.options, dt, substep_rate, controller.longest())?;
         let before = self.state.controller.levels();
         let levels = self.rates.levels(&self.cloth, &self.options, length, load.lasting_pressure, before);
+        let carrying = match self.options.levels {
+            Levels::Count(_) => self.rates.fewest_levels(&self.cloth, length),
+            _ => levels,
+        };
         let controller = controller.with_levels(levels);
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
-        let lacks_levels = (levels as usize) < self.rates.fewest_levels(&self.cloth, length);
+        let lacks_levels = (levels as usize) < carrying;
         let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let bounds = watch.bounds(&self.cloth, &self.rates, attributes, length);
         let is_observed = self.is_observed(attributes);

@@ -13,7 +13,8 @@ use crate::step::substep_count::{Rates, SIXTIETHS};
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Forecast {
-    /// Number of substeps that the step will take; 0 if the cloth sleeps through it.
+    /// Number of substeps that the step will take, unless it is undone and taken again with more
+    /// ([`Quality::Hold`](crate::Quality::Hold)); 0 if the cloth sleeps through it.
     pub substeps: u32,
     /// Coarse levels in each substep. The mesh may have fewer.
     pub levels: u32,

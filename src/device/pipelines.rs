@@ -9,7 +9,7 @@ use crate::device::fault::GpuFault;
 use crate::device::scopes::scoped;
 use crate::device::{Gpu, IN_BROWSER};
 
-/// Number of kernels up to which those are kept that nothing uses any more, since the next cloth is likely to use them again.
+/// Number of kernels that are kept although nothing uses them any more, since the next cloth is likely to use them again.
 const KEPT: usize = 256;
 
 /// The source of a shader, with a unique name. It is kept in parts, one after another, because shaders share files and a
@@ -35,7 +35,7 @@ pub(crate) struct Entry<'a> {
     pub constants: &'a [(&'static str, f64)],
 }
 
-/// The kernels used so far: compiling takes longer than everything else that a small cloth needs.
+/// The kernels in use, and those used last before: compiling takes longer than everything else that a small cloth needs.
 pub(super) type Pipelines = Mutex<Vec<Pipeline>>;
 
 /// A shader, parsed when the first of its entry points is compiled.
@@ -71,8 +71,13 @@ impl Gpu {
         let Entry { shader, name, constants } = entry;
         let mut pipelines = self.0.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         // What failed for want of memory may succeed the next time. Kernels whose constants depend on a mesh add up.
-        let is_full = pipelines.len() >= KEPT;
-        pipelines.retain(|made| !(made.has_failed() || is_full && Arc::strong_count(&made.0) == 1));
+        let is_unused = |made: &Pipeline| Arc::strong_count(&made.0) == 1;
+        let mut beyond = pipelines.iter().filter(|made| is_unused(made)).count().saturating_sub(KEPT);
+        pipelines.retain(|made| {
+            let is_old = beyond > 0 && is_unused(made);
+            beyond -= usize::from(is_old);
+            !(made.has_failed() || is_old)
+        });
         let mut of_shader = pipelines.iter().filter(|made| made.0.module.shader.name == shader.name);
         let same = of_shader.clone().find(|made| made.0.name == name && made.0.constants == constants).cloned();
         let module = of_shader.next().map(|made| Arc::clone(&made.0.module));

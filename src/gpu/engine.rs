@@ -70,7 +70,7 @@ pub(crate) struct GpuEngine {
     counter: Option<Counter>,
     counts: bool,
     report: Report,
-    /// Created when the cloth, or a render mesh bound to it, is first drawn.
+    /// Created when the cloth is first drawn, or a render mesh bound to it.
     normals: OnceLock<Arc<Normals>>,
     /// Number of dispatches of the last step, each of which waits for the one before.
     dispatches: usize,
@@ -294,8 +294,8 @@ impl GpuEngine {
             if let EdgeSweep::Tiled(tiled) = sweep {
                 tiled.set_labels(gpu, &plan.levels[0].label);
             }
-            let in_tile = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*max_aggregates);
-            Multigrid::new(gpu, plan.cloth, plan.levels, forces, in_tile)
+            let max_aggregates = matches!(sweep, EdgeSweep::Tiled(_)).then_some(*max_aggregates);
+            Multigrid::new(gpu, plan.cloth, plan.levels, forces, max_aggregates)
         });
         multigrid.prepare(gpu, plan);
         self.make_corrected(plan);

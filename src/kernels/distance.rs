@@ -74,8 +74,8 @@ pub(crate) fn pull_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
 }
 
 /// The correction of a coarse edge whose ends were predicted to move apart by `predicted` (m), in cloth with pins and bending stiffness. It
-/// pulls, and what other corrections shorten it below the predicted length it undoes, the less the more slack it is, and nothing from
-/// `1/per_slack` on ([`SLACK_BAND`]).
+/// pulls, and what other corrections shorten it below the predicted length it undoes, the less the more slack it is, and nothing
+/// where its squared length is below the rest value by the share `1/per_slack` ([`SLACK_BAND`], [`SLACK_BAND_OF_FEW`]).
 ///
 /// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
 /// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that a

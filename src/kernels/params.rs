@@ -58,7 +58,8 @@ pub(crate) struct Params {
     pub used: u32,
     /// The unit vector opposite to gravity; 0 without gravity.
     pub up: [f32; 3],
-    /// One over the band in which coarse edges push with [`PROJECT_COARSE`] (`kernels::distance::SLACK_BAND`).
+    /// One over the band in which coarse edges push with [`PROJECT_COARSE`]: `SLACK_BAND` of `kernels::distance`, or
+    /// `SLACK_BAND_OF_FEW`.
     pub per_slack: f32,
 }
 

@@ -1,4 +1,4 @@
-//! Compressed sparse rows: a list of items for each vertex, all in one array.
+//! Compressed sparse rows: a list of items for each vertex, or whatever else is numbered, all in one array.
 
 use std::ops::Range;
 
@@ -47,7 +47,7 @@ impl<T: Copy + Default> Csr<T> {
 }
 
 impl<T> Csr<T> {
-    /// Appends the list of another vertex.
+    /// Appends another list.
     pub(crate) fn push(&mut self, items: impl IntoIterator<Item = T>) {
         let start = self.items.len() as u32;
         self.items.extend(items);

@@ -23,9 +23,10 @@ pub enum Quality {
     /// seconds of motion: fewer substeps then do, as long as they leave so much of its tension that friction still holds what is
     /// pulled over a body.
     ///
-    /// A step that exceeds the bound, and would not with more substeps, is undone and taken again with more, up to three times: what
-    /// stretched it, as cloth that hits itself, could not be told before. Such a step takes two or three times as long as others. If
-    /// it still exceeds the bound, [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and why.
+    /// A step that exceeds the bound, for which at least a quarter more substeps would now be chosen, is undone and taken again with
+    /// these, up to three times: what stretched it, as cloth that hits itself, could not be told before. It takes as long as all of
+    /// them together. If it still exceeds the bound, [`Warning::StrainMissed`](crate::Warning::StrainMissed) says by how much, and
+    /// why.
     ///
     /// The choice is the same on any number of threads. To repeat a step bit for bit, pass
     /// [`StepReport::in_a_sixtieth`](crate::StepReport::in_a_sixtieth) to [`Quality::Substeps`], and

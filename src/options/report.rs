@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct StepReport {
-    /// Number of substeps taken.
+    /// Number of substeps taken, without those of attempts that were undone ([`Quality::Hold`](crate::Quality::Hold)).
     pub substeps: u32,
     /// Number of substeps that a step of 1/60 s would have taken, in the unit of [`Quality::Substeps`](crate::Quality::Substeps); 0 if
     /// the cloth slept or the step had no duration.
@@ -92,7 +92,7 @@ pub enum Warning {
     },
     /// Explicit springs take fewer substeps than their stability limit: cloth that moves may become unstable.
     ExplicitLimit {
-        /// Number of substeps taken.
+        /// Number of substeps taken, without those of attempts that were undone ([`Quality::Hold`](crate::Quality::Hold)).
         substeps: u32,
         /// Number of substeps that is stable however the cloth moves.
         needed: u32,

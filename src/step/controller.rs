@@ -259,9 +259,19 @@ impl Controller {
         self.longest
     }
 
-    /// The state with the factor of the strain law that another has learned.
-    pub(crate) fn with_factor_of(&self, other: &Controller) -> Controller {
-        Controller { factor: other.factor, ..*self }
+    /// The state after a step from it was rejected, for which another one was `tried` and has learned its factor. A number to which it had
+    /// fallen is too small.
+    pub(crate) fn rejected(&self, tried: &Controller) -> Controller {
+        let rejected = Controller { factor: tried.factor, ..*self };
+        if tried.count >= self.count {
+            return rejected;
+        }
+        Controller { too_few: self.too_few.max(tried.count), failed_under: tried.stress, fallen_for: 0.0, ..rejected }
+    }
+
+    /// Whether the stretch that is the fabric's own is known.
+    pub(crate) fn knows_own(&self) -> bool {
+        self.own > 0.0
     }
 
     /// The state with another number of substeps in 1/60 s.

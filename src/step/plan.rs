@@ -26,7 +26,7 @@ pub(crate) struct StepInputs<'a> {
     pub cloth: &'a Cloth,
     /// The coarse levels, finest first.
     pub levels: &'a [Level],
-    /// Whether fewer of them are used than carry the load.
+    /// Whether fewer levels are asked for than carry the load, although there may be no more.
     pub lacks_levels: bool,
     pub options: &'a Options,
     pub coefficients: &'a Coefficients,

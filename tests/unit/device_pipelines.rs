@@ -66,7 +66,8 @@ fn unused_kernels_do_not_add_up() {
     let are_few = || {
         ask_for(1);
         let pipelines = gpu.0.pipelines.lock().unwrap();
-        pipelines.iter().filter(|made| made.0.module.shader.name == NUMBERED[0]).count() <= KEPT
+        let is_unused = |made: &&Pipeline| made.0.module.shader.name == NUMBERED[0] && Arc::strong_count(&made.0) == 1;
+        pipelines.iter().filter(is_unused).count() <= KEPT
     };
     assert!((0..1000).any(|_| are_few() || {
         std::thread::sleep(std::time::Duration::from_millis(10));

@@ -53,3 +53,14 @@ fn cloth_that_is_slack_may_take_what_was_too_few() {
         assert_eq!(controller.too_few, left, "stretched by {measured}");
     }
 }
+
+/// The number to which a rejected step had fallen is too small under its load; one from which it had risen is not said to be.
+#[test]
+fn what_was_fallen_to_and_rejected_is_too_few() {
+    let before = Controller { count: 36.0, fallen_for: 5.0, ..Controller::default() };
+    let fallen = before.rejected(&Controller { count: 29.0, factor: 2.0, stress: 7.0, ..before });
+    assert_eq!([fallen.factor, fallen.count, fallen.too_few, fallen.failed_under], [2.0, 36.0, 29.0, 7.0]);
+    assert_eq!(fallen.fallen_for, 0.0);
+    let risen = before.rejected(&Controller { count: 41.0, factor: 2.0, stress: 7.0, ..before });
+    assert_eq!([risen.factor, risen.count, risen.too_few, f64::from(risen.fallen_for)], [2.0, 36.0, 0.0, 5.0]);
+}

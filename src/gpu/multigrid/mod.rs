@@ -71,8 +71,8 @@ enum LevelSweep {
 }
 
 impl Multigrid {
-    /// Creates all levels of the cloth, in workgroups with room for `room` aggregates; `None`: one dispatch per color.
-    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, levels: &[Level], forces: &Forces, room: Option<usize>) -> Multigrid {
+    /// Creates all levels of the cloth, in workgroups of at most `max_aggregates`; `None`: one dispatch per color.
+    pub(crate) fn new(gpu: &Gpu, cloth: &Cloth, levels: &[Level], forces: &Forces, max_aggregates: Option<usize>) -> Multigrid {
         let mut starts = vec![0];
         levels.iter().for_each(|level| starts.push(starts[starts.len() - 1] + level.inverse_mass.len()));
         let rest = at_rest(&cloth.rest, levels);
@@ -110,7 +110,8 @@ impl Multigrid {
         let (restrict_vertices, restrict_aggregates) = (restrict(true, EACH[0]), restrict(false, EACH[1]));
 
         let buffers = [&averages, &shift];
-        let tiled = room.and_then(|room| TiledLevels::new(gpu, levels, &rest, &starts, &forces.uniforms, room, buffers));
+        let tiled =
+            max_aggregates.and_then(|most| TiledLevels::new(gpu, levels, &rest, &starts, &forces.uniforms, most, buffers));
         let sweep = match tiled {
             Some(tiled) => LevelSweep::Tiled(tiled),
             None => LevelSweep::PerColor(LevelsPerColor::new(gpu, levels, &aggregates, forces, buffers)),
