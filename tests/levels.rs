@@ -416,8 +416,8 @@ fn a_breeze_does_not_roll_up_what_hangs() {
     }
 }
 
-/// A curtain that nothing moves stays flat by default. With levels and few substeps it gets wrinkles: the fine edges, all whose
-/// stretch is where two aggregates meet, contract it unevenly across the load.
+/// A curtain that nothing moves stays flat by default. With levels and few substeps it gets wrinkles: diagonal coarse edges
+/// contract it across the load, and one sweep does not push all of that back.
 #[test]
 fn a_curtain_in_still_air_stays_flat() {
     let still = Attributes { damping: 2.0, ..Attributes::default() };
