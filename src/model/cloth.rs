@@ -24,7 +24,7 @@ use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
 use crate::model::shells::visits;
 use crate::model::strain_gauges::strain_gauges;
-use crate::model::tethers::Tethers;
+use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
 use crate::model::winding::wind_alike;
 use crate::options::{self, Method, Options};
@@ -233,7 +233,10 @@ impl Cloth {
     /// With the tethers that the options ask for.
     fn tethered(mut self, options: &Options) -> Cloth {
         if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
-            self.tethers = Tethers::new(&self);
+            let Cloth { rest, links, triangles, pinned, mass, extent, sides, density, .. } = &self;
+            let hung =
+                Hung { rest, links, triangles, pinned, mass, extent: *extent, size: sides.max_element(), density: *density };
+            self.tethers = Tethers::new(hung);
         }
         self
     }

@@ -20,12 +20,11 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashSet};
 
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 
-use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
-use crate::model::link::least_firm;
+use crate::model::link::{Link, least_firm};
 
 /// Maximum length of tethers as a share of the cloth's extent.
 pub(crate) const REACH: f64 = 0.5;
@@ -34,10 +33,24 @@ const SHORTER: f64 = 1e-6;
 /// Bound on the mean number of visits per vertex.
 const VISITS: usize = 16;
 
+/// What tethers depend on: the fields of the same names of [`Cloth`](crate::model::cloth::Cloth).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hung<'a> {
+    pub rest: &'a [Vec4],
+    pub links: &'a [Link],
+    pub triangles: &'a [[u32; 3]],
+    pub pinned: &'a [u32],
+    pub mass: &'a [f32],
+    pub extent: f64,
+    /// The longest of the [`sides`](crate::model::cloth::Cloth::sides).
+    pub size: f64,
+    pub density: f64,
+}
+
 /// The tethers of a cloth with lone pins.
 #[derive(Debug)]
 pub(crate) struct Tethers {
-    /// Lone pins, as indices into [`Cloth::pinned`].
+    /// Lone pins, as indices into [`Hung::pinned`].
     pub anchors: Vec<u32>,
     /// The vertices near lone pins, ascending.
     pub held: Vec<Held>,
@@ -57,7 +70,7 @@ pub(crate) struct Held {
 
 impl Tethers {
     /// The tethers of a cloth; `None` if it has no lone pin.
-    pub(super) fn new(cloth: &Cloth) -> Option<Tethers> {
+    pub(super) fn new(cloth: Hung<'_>) -> Option<Tethers> {
         let anchors = lone_pins(cloth);
         if anchors.is_empty() {
             return None;
@@ -78,8 +91,8 @@ impl Tethers {
 }
 
 /// Pins with free neighbors that have no pinned neighbor, or one that has no other pinned neighbor, as indices into
-/// [`Cloth::pinned`].
-fn lone_pins(cloth: &Cloth) -> Vec<u32> {
+/// [`Hung::pinned`].
+fn lone_pins(cloth: Hung<'_>) -> Vec<u32> {
     let is_pinned = |vertex: u32| cloth.rest[vertex as usize].w == 0.0;
     let both_ways = || cloth.links.iter().map(|link| link.ends).flat_map(|[a, b]| [(a, b), (b, a)]);
     let (mut free, mut pinned) = (vec![0_u32; cloth.rest.len()], vec![0_u32; cloth.rest.len()]);
@@ -110,8 +123,8 @@ struct ShortestPaths<'a> {
 }
 
 impl<'a> ShortestPaths<'a> {
-    fn new(cloth: &'a Cloth) -> ShortestPaths<'a> {
-        let (vertices, least) = (cloth.rest.len(), least_firm(&cloth.links));
+    fn new(cloth: Hung<'a>) -> ShortestPaths<'a> {
+        let (vertices, least) = (cloth.rest.len(), least_firm(cloth.links));
         let firm =
             cloth.links.iter().filter(|link| link.is_firm(least)).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
         let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !link.is_firm(least)).map(|link| link.ends).collect();
@@ -121,12 +134,12 @@ impl<'a> ShortestPaths<'a> {
         let triangles = cloth.triangles.iter().enumerate().filter(of_firm);
         ShortestPaths {
             rest: cloth.rest.iter().map(|x| x.truncate().as_dvec3()).collect(),
-            triangles: &cloth.triangles,
+            triangles: cloth.triangles,
             edges: Csr::new(vertices, firm.map(|[a, b]| (a, b))),
             around: Csr::new(vertices, triangles.flat_map(|(index, corners)| corners.map(|vertex| (vertex, index as u32)))),
             found: vec![None; vertices],
             next: BinaryHeap::new(),
-            farthest: REACH * cloth.sides.max_element(),
+            farthest: REACH * cloth.size,
         }
     }
 
@@ -213,15 +226,15 @@ struct OwnStretch {
 }
 
 impl OwnStretch {
-    fn new(cloth: &Cloth, anchors: &[u32]) -> OwnStretch {
-        let root = DisjointSets::parts_of_links(cloth.rest.len(), &cloth.links);
+    fn new(cloth: Hung<'_>, anchors: &[u32]) -> OwnStretch {
+        let root = DisjointSets::parts_of_links(cloth.rest.len(), cloth.links);
         let (mut mass, mut pins) = (vec![0.0; root.len()], vec![0.0; root.len()]);
-        for ((x, &root), &vertex_mass) in cloth.rest.iter().zip(&root).zip(&cloth.mass) {
+        for ((x, &root), &vertex_mass) in cloth.rest.iter().zip(&root).zip(cloth.mass) {
             let part = if x.w > 0.0 { (&mut mass, f64::from(vertex_mass)) } else { (&mut pins, 1.0) };
             part.0[root as usize] += part.1;
         }
         let mut angle = vec![0.0; root.len()];
-        for &[a, b, c] in &cloth.triangles {
+        for &[a, b, c] in cloth.triangles {
             for [at, one, other] in [[a, b, c], [b, c, a], [c, a, b]] {
                 let [x, y, z] = [at, one, other].map(|vertex| cloth.rest[vertex as usize].truncate().as_dvec3());
                 angle[at as usize] += if (y - x).cross(z - x).length() > 0.0 { (y - x).angle_between(z - x) } else { 0.0 };
