@@ -79,18 +79,19 @@ impl Loop for SweepRows<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         match self.rule {
-            Rule::Project => self.rows::<L, PROJECT>(0.0),
-            Rule::PullCoarse => self.rows::<L, PULL_COARSE>(0.0),
-            Rule::ProjectCoarse { per_slack } => self.rows::<L, PROJECT_COARSE>(per_slack),
-            Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(0.0),
-            Rule::Relax => self.rows::<L, RELAX>(0.0),
+            Rule::Project => self.rows::<L, PROJECT>(),
+            Rule::PullCoarse => self.rows::<L, PULL_COARSE>(),
+            Rule::ProjectCoarse { .. } => self.rows::<L, PROJECT_COARSE>(),
+            Rule::HoldCoarse => self.rows::<L, HOLD_COARSE>(),
+            Rule::Relax => self.rows::<L, RELAX>(),
         }
     }
 }
 
 impl SweepRows<'_> {
     #[inline(always)]
-    fn rows<L: Registers, const RULE: u8>(self, per_slack: f32) {
+    fn rows<L: Registers, const RULE: u8>(self) {
+        let per_slack = if let Rule::ProjectCoarse { per_slack } = self.rule { per_slack } else { 0.0 };
         let SweepRows { batch: EdgeBatch { ends, factors, at, mut first }, x, u, predicted, .. } = self;
         // These are plain loops because a closure passed to an iterator is compiled without the instruction set that is
         // enabled for this function.

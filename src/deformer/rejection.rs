@@ -29,7 +29,7 @@ impl Deformer {
         attributes: &Attributes,
         alone: bool,
     ) -> Result<StepReport, StepError> {
-        let was_known = self.state.controller.knows_own();
+        let was_held = self.state.controller.is_held();
         let mut rejected_for = None;
         for _ in 0..REJECTIONS {
             let Some((again, missed)) = self.rejects(&stepped, &decision, attributes) else { break };
@@ -47,8 +47,8 @@ impl Deformer {
         // That stretch is the fabric's own, and not to be bounded, is said when it turns out.
         if let (Some(Warning::StrainMissed { stretch, promised, cause }), Some(Stretch { share, .. })) =
             (rejected_for, report.stretch)
-            && !was_known
-            && self.state.controller.knows_own()
+            && !was_held
+            && self.state.controller.is_held()
             && share > promised
             && !report.warnings.iter().any(|warning| matches!(warning, Warning::StrainMissed { .. }))
         {

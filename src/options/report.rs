@@ -92,7 +92,7 @@ pub enum Warning {
     },
     /// Explicit springs take fewer substeps than their stability limit: cloth that moves may become unstable.
     ExplicitLimit {
-        /// Number of substeps taken, without those of attempts that were undone ([`Quality::Hold`](crate::Quality::Hold)).
+        /// Number of substeps taken.
         substeps: u32,
         /// Number of substeps that is stable however the cloth moves.
         needed: u32,

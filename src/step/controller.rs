@@ -185,6 +185,7 @@ impl Controller {
         let lasts = (stress - self.stress).abs() < STEADY * self.stress;
         let will_be_stopped = will_be_stopped(cloth, load);
         let factor = match self.count == 0.0 {
+            // Nothing but a first step that was rejected has taught it more.
             true => caution.first_factor.max(self.factor),
             false if will_be_stopped => self.factor.max(STOPPED),
             false => self.factor,
@@ -212,8 +213,8 @@ impl Controller {
         Controller { factor, count, low, stress, too_few, failed_under, fallen_for, ..*self }
     }
 
-    /// Whether something holds the cloth stretched.
-    fn is_held(&self) -> bool {
+    /// Whether something holds the cloth stretched: stretch that is the fabric's own is known.
+    pub(crate) fn is_held(&self) -> bool {
         self.own > 0.0
     }
 
@@ -267,11 +268,6 @@ impl Controller {
             return rejected;
         }
         Controller { too_few: self.too_few.max(tried.count), failed_under: tried.stress, fallen_for: 0.0, ..rejected }
-    }
-
-    /// Whether the stretch that is the fabric's own is known.
-    pub(crate) fn knows_own(&self) -> bool {
-        self.own > 0.0
     }
 
     /// The state with another number of substeps in 1/60 s.
