@@ -54,8 +54,8 @@ impl BoundMesh {
     }
 
     /// Submits the computation of positions and normals after all steps submitted so far, also of the normals of
-    /// [`Surface`](crate::Surface). Call it in each frame, and submit the commands that draw them to the same queue, after this call and before the next one that changes the cloth: a step,
-    /// `reset`, `restore`, `warp` and so on.
+    /// [`Surface`](crate::Surface). Call it in each frame, and submit the commands that draw them to the same queue, after this call
+    /// and before the next one that changes the cloth: a step, `reset`, `restore`, `warp` and so on.
     pub fn apply(&self) {
         SubmittedStage::submit(&self.gpu, &[&self.normals.stage, &self.stage]);
     }
