@@ -87,6 +87,7 @@ fn hold_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
 
 const PULL_COARSE: u32 = 0u;
 const HOLD_COARSE: u32 = 1u;
+const PROJECT_COARSE: u32 = 2u;
 
 fn coarse_impulse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
     if params.coarse_rule == PULL_COARSE {

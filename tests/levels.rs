@@ -156,11 +156,11 @@ fn levels_run_where_they_pay() {
     assert_eq!(count(129, 20, |_| {}), 5);
     assert_eq!(count(65, 120, |_| {}), 2, "S* is 168");
     assert_eq!(count(65, 150, |_| {}), 0, "S* is 168");
-    assert_eq!(count(12, 5, |_| {}), 2, "S* is 29");
+    assert_eq!(count(12, 5, |_| {}), 3, "S* is 29");
     assert_eq!(count(12, 40, |_| {}), 0, "S* is 29");
     assert_eq!(count(65, 20, |options| options.levels = Levels::Off), 0);
     assert_eq!(count(65, 20, |options| options.levels = Levels::Count(2)), 2);
-    assert_eq!(count(65, 20, |options| options.levels = Levels::Count(u32::MAX)), 4);
+    assert_eq!(count(65, 20, |options| options.levels = Levels::Count(u32::MAX)), 5);
     assert_eq!(count(65, 1, |options| options.method = Method::Relaxation { iterations: 5 }), 0);
     assert_eq!(count(65, 300, |options| options.method = Method::Springs), 0);
 }
@@ -416,15 +416,15 @@ fn a_breeze_does_not_roll_up_what_hangs() {
     }
 }
 
-/// A curtain that nothing moves stays flat by default. With levels and few substeps it gets wrinkles: diagonal coarse edges
-/// contract it across the load, and one sweep does not push all of that back.
+/// A curtain that nothing moves stays flat by default, in 5 substeps. Without the coarsest levels it gets wrinkles: diagonal coarse edges
+/// contract it across the load, and the sweeps do not push all of that back.
 #[test]
 fn a_curtain_in_still_air_stays_flat() {
     let still = Attributes { damping: 2.0, ..Attributes::default() };
     let curtain = |quality, levels| hung([21, 49], [1.0, 2.4], 720, quality, levels, &still);
-    let (flat, wrinkled) = (curtain(Quality::default(), Levels::Auto), curtain(Quality::Substeps(10), Levels::Count(9)));
-    println!("in still air: {flat:?} m, with levels {wrinkled:?} m");
-    assert!(flat[1] < 1e-3 && wrinkled[1] > 5e-3, "{flat:?} m, with levels {wrinkled:?} m");
+    let (flat, wrinkled) = (curtain(Quality::default(), Levels::Auto), curtain(Quality::Substeps(5), Levels::Count(2)));
+    println!("in still air: {flat:?} m, with two of three levels {wrinkled:?} m");
+    assert!(flat[1] < 1e-3 && wrinkled[1] > 5e-3, "{flat:?} m, with two of three levels {wrinkled:?} m");
 }
 
 /// Triangles that are turned over are turned back, so levels and a bound render mesh are as if all had been wound alike.

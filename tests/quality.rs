@@ -693,7 +693,6 @@ fn cloth_that_hits_itself_gains_no_energy(backend: Backend) {
     let (mut taken, mut lowest, mut gained, mut worst) = (Vec::new(), f32::INFINITY, 0.0_f32, 0.0_f32);
     for frame in 1..=80 {
         let report = cloth.step(FRAME, &led(frame)).unwrap();
-        assert_eq!(report.levels, 0);
         taken.push(report.in_a_sixtieth);
         worst = worst.max(report.stretch.unwrap().share);
         // The impact, in which no energy that the edges had stored comes back. In the next frames half a J/kg does, with 400 substeps, too.
@@ -705,7 +704,7 @@ fn cloth_that_hits_itself_gains_no_energy(backend: Backend) {
     }
     println!("stretched by {worst}, gained {gained} J/kg, {taken:?}");
     assert!(worst < 0.032 && gained < 0.1, "stretched by {worst}, gained {gained} J/kg");
-    let mut again = Deformer::new(&mesh, Options { levels: Levels::Off, ..options }).unwrap();
+    let mut again = Deformer::new(&mesh, options).unwrap();
     for (frame, &count) in (1..).zip(&taken) {
         again.set_quality(Quality::Substeps(count)).unwrap();
         again.step(FRAME, &led(frame)).unwrap();

@@ -20,7 +20,7 @@ override COARSE_WIDTH: u32 = 64u;
 // Number of colors of all levels. Those of each level begin at a multiple of four.
 override COARSE_COLORS: u32 = 4u;
 // Where the levels begin in the table. It holds: for each level the index of its first aggregate, and the total; for
-// each level its first color, and the total; for each aggregate its aggregate in the next coarser level; for each level
+// each level its first color, and the total; for each level its number of sweeps; for each aggregate its aggregate in the next coarser level; for each level
 // the first members of its aggregates, then their mass shares, then the second members and so on, padded by the first
 // member with share 0; the edges. Aggregates are identified by their index in this order.
 override COARSE: u32 = 0u;
@@ -38,8 +38,17 @@ fn first_color(level: u32) -> u32 {
     return table[COARSE + LEVELS + 1u + level];
 }
 
+// How often the edges of a level are swept.
+fn sweeps_of(level: u32) -> u32 {
+    return select(1u, table[COARSE + 2u * (LEVELS + 1u) + level], params.coarse_rule == PROJECT_COARSE);
+}
+
+fn labels() -> u32 {
+    return COARSE + 3u * LEVELS + 2u;
+}
+
 fn label_of(k: u32) -> u32 {
-    return table[COARSE + 2u * (LEVELS + 1u) + k];
+    return table[labels() + k];
 }
 
 // Number of levels in use.
@@ -53,7 +62,7 @@ fn first_in_use() -> u32 {
 }
 
 fn lists() -> u32 {
-    return COARSE + 2u * (LEVELS + 1u) + AGGREGATES;
+    return labels() + AGGREGATES;
 }
 
 fn coarse_edges() -> ColoredEdges {
@@ -130,60 +139,50 @@ fn restrict_levels(lane: u32) {
     }
 }
 
-// How far a sweep has come: the level that is being swept, and the color in use at which the next finer level begins.
-struct Descent {
-    level: u32,
-    next_at: u32,
-}
-
-// At a level, where so many colors are `skipped` because their levels are not in use.
-fn descent_at(level: u32, skipped: u32) -> Descent {
-    if level == 0u {
-        return Descent(0u, NONE);
-    }
-    return Descent(level, first_color(level - 1u) - skipped);
-}
-
 // Sweeps all levels in use, given the edges of the first four colors, and leaves the corrected displacements of the
 // finest level. `skipped` is `first_in_use()`.
 fn sweep_levels(skipped: u32, first: FourColors, lane: u32) {
     let edges = edges_in_use(skipped);
-    var at = descent_at(levels_in_use() - 1u, skipped);
     // As in `sweep`.
     var four = first;
-    for (var color = 0u; color < edges.colors; color += 8u) {
-        let next = fetch_four(edges, color + 4u, lane);
-        at = descend(at, color, skipped, lane);
-        sweep_four(edges, color, four, lane);
-        four = fetch_four(edges, color + 8u, lane);
-        at = descend(at, color + 4u, skipped, lane);
-        sweep_four(edges, color + 4u, next, lane);
+    var end = 0u;
+    for (var above = levels_in_use(); above > 0u; above--) {
+        let level = above - 1u;
+        if above < levels_in_use() {
+            prolongate(level, lane);
+        }
+        let start = end;
+        end = edges.colors;
+        if level > 0u {
+            end = first_color(level - 1u) - skipped;
+        }
+        for (var left = sweeps_of(level); left > 0u; left--) {
+            for (var color = start; color < end; color += 4u) {
+                let goes_back = color + 4u == end && left > 1u;
+                let next = fetch_four(edges, select(color + 4u, start, goes_back), lane);
+                sweep_four(edges, color, four, lane);
+                four = next;
+            }
+        }
     }
-    at = descend(at, COARSE_COLORS, skipped, lane);
 }
 
-// Prolongates corrections to the next finer level, and on to the level that the given color belongs to.
-fn descend(from_here: Descent, color: u32, skipped: u32, lane: u32) -> Descent {
-    var at = from_here;
-    while color >= at.next_at {
-        let finer = start_of(at.level - 1u);
-        let here = start_of(at.level);
-        let end = start_of(at.level + 1u);
-        // Loaded early, to be there when it is needed.
-        var above = label_of(finer + lane);
-        // The displacements of the coarser level are not needed any more; replace them by its corrections.
-        for (var k = here + lane; k < end; k += LANES) {
-            set_corrected(k, corrected_of(k) - predicted_of(k));
-        }
-        workgroupBarrier();
-        for (var k = finer + lane; k < here; k += LANES) {
-            set_corrected(k, corrected_of(k) + corrected_of(above));
-            above = label_of(k + LANES);
-        }
-        workgroupBarrier();
-        at = descent_at(at.level - 1u, skipped);
+// Prolongates the corrections of the next coarser level to a level.
+fn prolongate(level: u32, lane: u32) {
+    let start = start_of(level);
+    let end = start_of(level + 1u);
+    // Loaded early, to be there when it is needed.
+    var above = label_of(start + lane);
+    // The displacements of the coarser level are not needed any more; replace them by its corrections.
+    for (var k = end + lane; k < start_of(level + 2u); k += LANES) {
+        set_corrected(k, corrected_of(k) - predicted_of(k));
     }
-    return at;
+    workgroupBarrier();
+    for (var k = start + lane; k < end; k += LANES) {
+        set_corrected(k, corrected_of(k) + corrected_of(above));
+        above = label_of(k + LANES);
+    }
+    workgroupBarrier();
 }
 
 fn correct_coarse(edge: Edge) {

@@ -38,6 +38,8 @@ pub(super) struct Aggregates {
     pub partition: Partition,
     /// The packed edges of each round of the partition.
     pub edges: Vec<EdgeBatches>,
+    /// [`Level::sweeps`]; more than one only of a level that one task sweeps.
+    pub sweeps: u32,
 }
 
 /// The state of a level's aggregates within a substep.
@@ -97,6 +99,7 @@ impl Aggregates {
             grain: (count / (2 * threads)).clamp(GRAIN[0], GRAIN[1]),
             partition: Partition::coarse(&level.links, count, if count < WORTHWHILE { 1 } else { threads }),
             edges: Vec::new(),
+            sweeps: level.sweeps,
         }
     }
 

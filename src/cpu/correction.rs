@@ -101,7 +101,10 @@ impl Correction<'_> {
         if round == 0 && level + 1 < self.levels.len() {
             self.prolongate(task, level + 1, u, here.partition.tiles[piece].clone());
         }
-        sweep(&here.edges[round], piece, self.rule, x, u, change, self.width);
+        let sweeps = if let Rule::ProjectCoarse { .. } = self.rule { here.sweeps } else { 1 };
+        for _ in 0..sweeps {
+            sweep(&here.edges[round], piece, self.rule, x, u, change, self.width);
+        }
         for vertex in here.partition.rounds[round][piece].vertices.iter().cloned().flatten() {
             change.set(vertex as usize, u.get(vertex as usize) - change.get(vertex as usize));
         }

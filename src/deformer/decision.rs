@@ -67,7 +67,7 @@ impl Deformer {
         let fastest = Fastest::of(&self.cloth, &self.state.motion, attributes, f64::from(dt), seen, self.late());
         let load = Load::of(&self.cloth, &self.state.motion, attributes, dt, seen, &fastest, thickness);
         let has_contact = thickness.is_some();
-        let trades_levels = self.trades_levels(has_contact, attributes, load.lasting_pressure);
+        let trades_levels = self.trades_levels(has_contact, load.lasting_pressure);
         let controller = self.controlled(dt, &load, self.caution(has_contact, trades_levels), has_contact);
         let substep_rate = self.substep_rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.

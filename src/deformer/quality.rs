@@ -9,11 +9,10 @@ use crate::attributes::Attributes;
 use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
-use crate::step::coefficients::SOFT;
 use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, most};
 use crate::step::load::Load;
 use crate::step::own_stretch::{Measured, accepted, excess, resolved_share};
-use crate::step::substep_count::{SIXTIETHS, STANDARD_GRAVITY, is_gale};
+use crate::step::substep_count::{SIXTIETHS, is_gale};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
@@ -29,15 +28,6 @@ const LEVELS_PAY: usize = 8192;
 /// whose aggregates have 16 vertices, as with the three to six levels that resolve the strain
 /// (`benches/results/quality.md`). Each further level takes 8.5 us of a substep on an H200, whatever its size.
 const COARSE_ENOUGH: usize = 4096;
-
-/// Cloth that bends hangs without levels if so many substeps in 1/60 s, by the strain law with a factor of 1, leave this stretch under its
-/// weight: levels pull it together across the load (see [`hierarchy`](crate::multigrid::hierarchy)). The more vertices it has, the more
-/// substeps they save: with 96, a tablecloth of 14,161 that hangs by its corners took 171 instead of 41 (`benches/results/quality.md`).
-const FEW_ENOUGH: f64 = 32.0;
-const BORNE: f64 = 0.03;
-/// Cloth is limp if its bending length, `(B/(rho g))^(1/3)` (Peirce 1930), is less than this share of its extent. A stiffer card has no
-/// wrinkles, and more substeps while it is bent add energy to it (`cards_gain_no_energy_from_the_choice_of_substeps`).
-const LIMP: f64 = 0.125;
 
 /// The stretch that cloth with contact may have under its weight, by the strain law with a factor of 1, to keep a
 /// [`Quality::Budget`].
@@ -115,27 +105,15 @@ impl Deformer {
     }
 
     /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels: on a GPU
-    /// without contact of triangles because they take less time, and where limp cloth hangs because levels would wrinkle it.
-    pub(super) fn trades_levels(&self, has_contact: bool, attributes: &Attributes, pressure: f64) -> bool {
+    /// without contact of triangles they take less time.
+    pub(super) fn trades_levels(&self, has_contact: bool, pressure: f64) -> bool {
         let is_fast = self.backend() == Backend::Gpu && !has_contact && self.cloth.used < LEVELS_PAY;
         let may = match self.options.levels {
-            Levels::Auto => is_fast || self.hangs_lightly() && mesh_colliders(attributes).next().is_none(),
+            Levels::Auto => is_fast,
             Levels::Off => true,
             Levels::Count(_) => false,
         };
         may && self.strain_bound().is_some() && !is_gale(&self.cloth, pressure, self.state.controller.levels())
-    }
-
-    /// Whether cloth that bends, but is neither soft nor as stiff as a card, hangs from pins and needs few substeps to bear its weight
-    /// without levels.
-    fn hangs_lightly(&self) -> bool {
-        let (cloth, bending) = (&self.cloth, f64::from(self.options.fabric.bending));
-        let weight = cloth.density * STANDARD_GRAVITY * cloth.extent;
-        bending > 0.0
-            && bending < cloth.density * STANDARD_GRAVITY * (LIMP * cloth.extent).powi(3)
-            && cloth.has_pins()
-            && weight < SOFT * cloth.membrane_stiffness
-            && self.rates.keeping(weight, BORNE) <= SIXTIETHS * FEW_ENOUGH
     }
 
     /// The most levels that pay off on a GPU if the substeps are chosen to keep a bound on strain.

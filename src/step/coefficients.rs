@@ -2,6 +2,7 @@
 //! same.
 
 use crate::kernels::distance::Edge;
+use crate::kernels::params::{HOLD_COARSE, PROJECT_COARSE, PULL_COARSE};
 use crate::kernels::tether::Tether;
 use crate::model::cloth::Cloth;
 use crate::model::link::Link;
@@ -52,15 +53,20 @@ impl Coefficients {
         let hanging = cloth.density * STANDARD_GRAVITY * cloth.extent;
         let sum = |links: &[Link]| links.iter().map(|link| link.shape * f64::from(link.rest).powi(2)).sum::<f64>();
         let share = left / levels.len() as f64 * sum(cloth.swept());
+        let is_repeated = coarse_rule(cloth, options) == PROJECT_COARSE;
         let coarse = |level: &Level| {
             let shared = (share / sum(&level.links)).min(left);
+            let sweeps = if is_repeated { f64::from(level.sweeps) } else { 1.0 };
             let coarse_edge = |link: &Link| {
                 // Along a soft direction, the fine sweep carries more of the load.
                 let firmness = f64::from(link.scale);
                 let is_soft = hanging > SOFT * cloth.membrane_stiffness * firmness;
                 let left = (if is_soft { shared } else { left }).min((1.0 - length.resolved / firmness).max(0.0));
                 let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
-                edge(link, inverse_weight(1.0 / (left * cloth.stiffness(link)), weight, ONE_WAY, 0.0, length))
+                let once = inverse_weight(1.0 / (left * cloth.stiffness(link)), weight, ONE_WAY, 0.0, length);
+                // All sweeps over a soft edge correct it, by itself, as much as one would.
+                let is_divided = is_soft && sweeps > 1.0;
+                edge(link, if is_divided { (1.0 - (1.0 - weight * once).max(0.0).powf(1.0 / sweeps)) / weight } else { once })
             };
             level.links.iter().map(coarse_edge).collect()
         };
@@ -75,6 +81,16 @@ impl Coefficients {
         };
         let tethers = tethers(cloth, length);
         Coefficients { length, edges, levels, tethers, bending }
+    }
+}
+
+/// How coarse edges are corrected, a [`Params::coarse_rule`](crate::kernels::params::Params::coarse_rule). A chain has no width across
+/// which they could pull it together, and cloth without pins does not hang.
+pub(crate) fn coarse_rule(cloth: &Cloth, options: &Options) -> u32 {
+    match (options.fabric.bending > 0.0, cloth.is_sheet) {
+        (false, true) => HOLD_COARSE,
+        (true, true) if cloth.has_pins() => PROJECT_COARSE,
+        _ => PULL_COARSE,
     }
 }
 

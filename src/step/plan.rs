@@ -9,14 +9,14 @@ use crate::kernels::contact::Body;
 use crate::kernels::contact::near::Clear;
 use crate::kernels::distance::{SLACK_BAND, SLACK_BAND_OF_FEW};
 use crate::kernels::integrate::Pin;
-use crate::kernels::params::{HOLD_COARSE, PROJECT_COARSE, PULL_COARSE, Params, Substep};
+use crate::kernels::params::{Params, Substep};
 use crate::kernels::statistics::StrainGauge;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Contact, Method, Options};
 use crate::step::bodies::moving;
-use crate::step::coefficients::Coefficients;
+use crate::step::coefficients::{Coefficients, coarse_rule};
 use crate::step::load::loading_acceleration;
 use crate::step::motion::{Motion, Whereabouts};
 
@@ -95,10 +95,6 @@ pub(crate) struct Plan<'a> {
 }
 
 impl StepInputs<'_> {
-    fn bends(&self) -> bool {
-        self.options.fabric.bending > 0.0
-    }
-
     /// Substep number `index`.
     fn substep(&self, index: u32) -> Substep {
         let h = self.coefficients.length.h;
@@ -140,12 +136,7 @@ impl StepInputs<'_> {
             },
             relaxed: u32::from(matches!(options.method, Method::Relaxation { .. })),
             levels: coefficients.levels.len() as u32,
-            // A chain has no width across which coarse edges could pull it together, and cloth without pins does not hang.
-            coarse_rule: match (self.bends(), cloth.is_sheet) {
-                (false, true) => HOLD_COARSE,
-                (true, true) if cloth.has_pins() => PROJECT_COARSE,
-                _ => PULL_COARSE,
-            },
+            coarse_rule: coarse_rule(cloth, options),
             per_slack: 1.0
                 / if self.lacks_levels && coefficients.levels.len() < self.levels.len() { SLACK_BAND_OF_FEW } else { SLACK_BAND },
             edges: cloth.swept().len() as u32,
@@ -232,7 +223,7 @@ impl<'a> Plan<'a> {
             pins: &buffers.pins,
             pins_from: &motion.pins,
             method: options.method,
-            bending: inputs.bends(),
+            bending: inputs.options.fabric.bending > 0.0,
             air: inputs.attributes.air_density > 0.0,
             gauges: None,
             contact: options.contact.filter(|_| inputs.cloth.is_sheet),

@@ -130,6 +130,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
         ("PULL_COARSE", Literal::U32(crate::kernels::params::PULL_COARSE)),
         ("HOLD_COARSE", Literal::U32(crate::kernels::params::HOLD_COARSE)),
+        ("PROJECT_COARSE", Literal::U32(crate::kernels::params::PROJECT_COARSE)),
         ("TAUT_BAND", Literal::F32(crate::kernels::distance::TAUT_BAND)),
         ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
         ("MIN_LENGTH", Literal::F32(crate::kernels::distance::MIN_LENGTH)),

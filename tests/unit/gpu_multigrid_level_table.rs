@@ -21,7 +21,7 @@ fn a_table_says_what_the_levels_are() {
         table.set_edges(&edges);
         let levels = &all[finest..];
         let word = |k: usize| table.table[k] as usize;
-        let (labels, width) = (2 * (levels.len() + 1), table.width);
+        let (sweeps, labels, width) = (2 * (levels.len() + 1), 3 * levels.len() + 2, table.width);
         let lists = labels + table.aggregates;
         let members = lists + 2 * table.of_finest * table.averaged;
         assert_eq!(members + 2 * table.members * (table.aggregates - table.averaged), table.edges);
@@ -30,6 +30,7 @@ fn a_table_says_what_the_levels_are() {
         for (index, level) in levels.iter().enumerate() {
             let place = word(index);
             assert_eq!(word(index + 1) - place, level.inverse_mass.len());
+            assert_eq!(word(sweeps + index), level.sweeps as usize);
             for (k, &item) in level.members.items.iter().enumerate().filter(|_| index > 0 || below.is_some()) {
                 let aggregate = place + level.label[item as usize] as usize;
                 let (list, room, base) = match index {

@@ -11,8 +11,8 @@ const WIDEST: usize = 512;
 /// The coarsest levels of a cloth, beginning with a certain one.
 #[derive(Debug)]
 pub(crate) struct LevelTable {
-    /// For each level the start of its aggregates, and the end; for each level its first color, and the end; for each
-    /// aggregate the coarser one that contains it; for each level the members of its aggregates with their shares,
+    /// For each level the start of its aggregates, and the end; for each level its first color, and the end; for each level
+    /// [`Level::sweeps`]; for each aggregate the coarser one that contains it; for each level the members of its aggregates with their shares,
     /// padded with the first member and share 0; and the edges, as in the table of a tile. An aggregate is identified by
     /// its place here.
     pub table: Vec<u32>,
@@ -64,6 +64,7 @@ impl LevelTable {
         let mut table: Vec<u32> = place.iter().map(|&place| place as u32).collect();
         table.extend(first_color);
         table.push(colors as u32);
+        table.extend(levels.iter().map(|level| level.sweeps));
         let mut labels = vec![0; aggregates];
         for (index, level) in levels.iter().enumerate().skip(1) {
             let above = level.label.iter().map(|&label| place[index] as u32 + label);

@@ -16,6 +16,7 @@ use crate::gpu::forces::Forces;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Batch, Bind, ComputePass, Stage, batches, slot};
 use crate::gpu::state::{PING_PONG, groups};
+use crate::kernels::params::PROJECT_COARSE;
 use crate::model::cloth::Cloth;
 use crate::model::csr::Span;
 use crate::multigrid::hierarchy::Level;
@@ -159,7 +160,7 @@ impl Multigrid {
         }
         match &self.sweep {
             LevelSweep::Tiled(tiled) => tiled.encode(pass, levels),
-            LevelSweep::PerColor(per_color) => per_color.encode(pass, levels),
+            LevelSweep::PerColor(per_color) => per_color.encode(pass, levels, plan.params.coarse_rule == PROJECT_COARSE),
         }
     }
 

@@ -10,8 +10,9 @@ use crate::multigrid::hierarchy::Level;
 /// Sweeps over the levels with one dispatch per color.
 #[derive(Debug)]
 pub(crate) struct LevelsPerColor {
-    /// The aggregates of each level, and the edges of each color with their level.
+    /// The aggregates of each level, its number of sweeps ([`Level::sweeps`]), and the edges of each color with their level.
     aggregates: Vec<Batch>,
+    sweeps: Vec<u32>,
     colors: Vec<(usize, Batch)>,
     edges: wgpu::Buffer,
     begin: Stage,
@@ -60,7 +61,8 @@ impl LevelsPerColor {
         let [begin, prolongate, sweep, note] =
             ["begin_at", "prolongate", "sweep_coarse", "note_shift"].map(|name| stage(name, &labels));
         let correct = stage("correct_vertices", &of_vertices);
-        LevelsPerColor { aggregates: aggregates.to_vec(), colors, edges, begin, prolongate, sweep, note, correct }
+        let sweeps = levels.iter().map(|level| level.sweeps).collect();
+        LevelsPerColor { aggregates: aggregates.to_vec(), sweeps, colors, edges, begin, prolongate, sweep, note, correct }
     }
 
     pub(crate) fn send_edges(&mut self, gpu: &Gpu, starts: &[usize], levels: &[Vec<Edge>]) {
@@ -72,14 +74,16 @@ impl LevelsPerColor {
         gpu.write(&self.edges, 0, &all);
     }
 
-    /// Encodes the sweeps of this many levels, the coarsest first.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize) {
+    /// Encodes the sweeps of this many levels, the coarsest first: some of them several times if they are `repeated`.
+    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize, repeated: bool) {
         let count = |level: usize| self.aggregates[level].count as usize;
         for level in (0..levels).rev() {
             let arrive = if level + 1 == levels { &self.begin } else { &self.prolongate };
             arrive.dispatch(pass, 0, &slot(level), count(level));
-            for (index, (_, color)) in self.colors.iter().enumerate().filter(|(_, (of, _))| *of == level) {
-                self.sweep.dispatch(pass, 0, &slot(self.aggregates.len() + index), color.count as usize);
+            for _ in 0..if repeated { self.sweeps[level] } else { 1 } {
+                for (index, (_, color)) in self.colors.iter().enumerate().filter(|(_, (of, _))| *of == level) {
+                    self.sweep.dispatch(pass, 0, &slot(self.aggregates.len() + index), color.count as usize);
+                }
             }
         }
         self.note.dispatch(pass, 0, &slot(0), count(0));

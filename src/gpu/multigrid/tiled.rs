@@ -23,7 +23,7 @@ pub(crate) struct TiledLevels {
 
 impl TiledLevels {
     /// `rest` are the centers of each level, whose aggregates are numbered from `starts` on. `None` if a level cannot
-    /// be divided into tiles.
+    /// be divided into tiles, or would have to be swept several times in them.
     pub(crate) fn new(
         gpu: &Gpu,
         levels: &[Level],
@@ -35,6 +35,9 @@ impl TiledLevels {
     ) -> Option<TiledLevels> {
         let end = starts[levels.len()];
         let first_together = (0..levels.len()).find(|&level| end - starts[level] <= room).unwrap_or(levels.len());
+        if levels[..first_together].iter().any(|level| level.sweeps > 1) {
+            return None;
+        }
         let mut in_tiles = Vec::new();
         for (index, level) in levels[..first_together].iter().enumerate() {
             let mut tiles = Tiles::new(
