@@ -22,22 +22,34 @@ fn may_wait() -> Result<(), GpuFault> {
 #[derive(Debug)]
 pub(crate) struct Mapping {
     pub staging: wgpu::Buffer,
+    /// The one that copies them there.
+    submission: Option<wgpu::SubmissionIndex>,
     /// Whether it could be mapped: set by the callback when the device is polled, which every submission does.
     told: Arc<OnceLock<bool>>,
 }
 
 impl Mapping {
-    /// Asks for the bytes of `staging` after everything submitted.
-    pub(crate) fn new(staging: wgpu::Buffer) -> Mapping {
+    /// Asks for the bytes of `staging` after everything submitted, of which the `submission` is the last, if it is to be waited for.
+    pub(crate) fn new(staging: wgpu::Buffer, submission: Option<wgpu::SubmissionIndex>) -> Mapping {
         let told = Arc::new(OnceLock::new());
         let tell = Arc::clone(&told);
         staging.map_async(wgpu::MapMode::Read, .., move |result| _ = tell.set(result.is_ok()));
-        Mapping { staging, told }
+        Mapping { staging, submission, told }
     }
 
     /// Whether the device has answered.
     pub(crate) fn is_told(&self) -> bool {
         self.told.get().is_some()
+    }
+
+    /// Waits until the device has answered.
+    pub(crate) fn wait(&self, gpu: &Gpu) -> Result<(), GpuFault> {
+        gpu.poll(wgpu::PollType::Poll)?;
+        if !self.is_told() {
+            gpu.poll(wgpu::PollType::Wait { submission_index: self.submission.clone(), timeout: None })?;
+            gpu.wait_for(|| self.is_told())?;
+        }
+        Ok(())
     }
 
     /// Passes the bytes to `read` if they have arrived, after which the buffer can be used again. `thing` names them in errors.
@@ -88,7 +100,7 @@ impl Gpu {
         self.checked(|| {
             // A substitute for a refused buffer does not have the bytes.
             Gpu::refused()?;
-            let mapping = Mapping::new(staging.clone());
+            let mapping = Mapping::new(staging.clone(), None);
             self.wait()?;
             self.wait_for(|| mapping.is_told())?;
             mapping.read(self, "what was read", read)?.ok_or_else(|| self.unmapped("what was read"))
@@ -105,16 +117,6 @@ impl Gpu {
             std::thread::yield_now();
         }
         self.poll(wgpu::PollType::wait_indefinitely()).map(drop)
-    }
-
-    /// Waits until the device has answered to what was asked for after a submission.
-    pub(crate) fn wait_for_told(&self, asked: &Mapping, submission: &wgpu::SubmissionIndex) -> Result<(), GpuFault> {
-        self.poll(wgpu::PollType::Poll)?;
-        if !asked.is_told() {
-            self.poll(wgpu::PollType::Wait { submission_index: Some(submission.clone()), timeout: None })?;
-            self.wait_for(|| asked.is_told())?;
-        }
-        Ok(())
     }
 
     /// Waits for callbacks of work that the device has completed, except in a browser. They may be called by another thread that also

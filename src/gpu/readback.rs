@@ -44,7 +44,7 @@ impl Readback {
         gpu.checked(|| {
             let staging = gpu.staging("positions", x.size() + found.size());
             gpu.copy_to(&staging, &[x, found]);
-            self.request = Some(Mapping::new(staging));
+            self.request = Some(Mapping::new(staging, None));
             Ok(())
         })
     }

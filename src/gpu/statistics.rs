@@ -28,10 +28,7 @@ pub(crate) struct Counter {
 
 #[derive(Debug)]
 enum Pending {
-    UnderWay {
-        submission: wgpu::SubmissionIndex,
-        mapping: Mapping,
-    },
+    UnderWay(Mapping),
     /// The statistics have arrived and are returned when it is their turn.
     Here(Box<Statistics>),
 }
@@ -73,12 +70,11 @@ impl Counter {
         let size = self.counted.size();
         let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
         let submission = gpu.copy_to(&staging, &[&self.counted]);
-        let mapping = Mapping::new(staging);
         if waits {
             // Those of steps that did not wait are not asked for any more.
             self.pending.clear();
         }
-        self.pending.push_back(Pending::UnderWay { submission, mapping });
+        self.pending.push_back(Pending::UnderWay(Mapping::new(staging, Some(submission))));
         let late = if waits { 0 } else { Counter::LATE };
         if self.pending.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
             return Ok(None);
@@ -91,20 +87,20 @@ impl Counter {
     fn is_here(&self, gpu: &Gpu) -> Result<bool, GpuFault> {
         gpu.poll(wgpu::PollType::Poll)?;
         Ok(self.pending.front().is_none_or(|pending| match pending {
-            Pending::UnderWay { mapping, .. } => mapping.is_told(),
+            Pending::UnderWay(mapping) => mapping.is_told(),
             Pending::Here(_) => true,
         }))
     }
 
     /// Waits for statistics.
     fn arrived(&mut self, gpu: &Gpu, pending: Pending) -> Result<Statistics, GpuFault> {
-        let (submission, mapping) = match pending {
-            Pending::UnderWay { submission, mapping } => (submission, mapping),
+        let mapping = match pending {
+            Pending::UnderWay(mapping) => mapping,
             Pending::Here(seen) => return Ok(*seen),
         };
-        gpu.wait_for_told(&mapping, &submission)?;
-        let seen = mapping.read(gpu, "the statistics", bytemuck::pod_read_unaligned)?;
-        let seen = seen.ok_or_else(|| gpu.unmapped("the statistics"))?;
+        mapping.wait(gpu)?;
+        let seen =
+            mapping.read(gpu, "the statistics", bytemuck::pod_read_unaligned)?.ok_or_else(|| gpu.unmapped("the statistics"))?;
         self.free.push(mapping.staging);
         Ok(seen)
     }

@@ -49,8 +49,7 @@ impl Defects {
 #[derive(Debug)]
 pub(crate) struct Report {
     staging: wgpu::Buffer,
-    /// What was asked for, and the submission that it follows.
-    asked: Option<(Mapping, wgpu::SubmissionIndex)>,
+    asked: Option<Mapping>,
     /// Steps since the last request.
     steps: u32,
     /// Whether the last submission copied the words.
@@ -78,7 +77,7 @@ impl Report {
     pub(crate) fn ask_if_copied(&mut self, submission: &wgpu::SubmissionIndex) {
         if std::mem::take(&mut self.is_copied) {
             self.steps = 0;
-            self.asked = Some((Mapping::new(self.staging.clone()), submission.clone()));
+            self.asked = Some(Mapping::new(self.staging.clone(), Some(submission.clone())));
         }
     }
 
@@ -89,9 +88,9 @@ impl Report {
 
     /// The words, once, if they have arrived; waits for them if they are due again. A lost device does not send them any more.
     pub(crate) fn arrived(&mut self, gpu: &Gpu) -> Result<Option<Defects>, GpuFault> {
-        let Some((asked, submission)) = &self.asked else { return Ok(None) };
+        let Some(asked) = &self.asked else { return Ok(None) };
         if !IN_BROWSER && self.steps >= EVERY && !asked.is_told() {
-            gpu.wait_for_told(asked, submission)?;
+            asked.wait(gpu)?;
         }
         let found = asked.read(gpu, "what steps found", bytemuck::pod_read_unaligned)?;
         self.asked.take_if(|_| found.is_some());
