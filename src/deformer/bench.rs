@@ -6,7 +6,7 @@ use crate::backend::Engine;
 use crate::contact::Tally;
 use crate::simd::Width;
 #[cfg(feature = "gpu")]
-use crate::{attributes::Attributes, error::StepError};
+use crate::{attributes::Attributes, error::StepError, error::failure::Failure, gpu::GpuEngine};
 
 #[doc(hidden)]
 impl Deformer {
@@ -39,7 +39,7 @@ impl Deformer {
     #[must_use]
     pub fn dispatches(&self) -> Option<usize> {
         match &self.engine {
-            Engine::Gpu(gpu) => Some(gpu.dispatches()),
+            Engine::Gpu(gpu) => Some(gpu.dispatches),
             _ => None,
         }
     }
@@ -51,14 +51,19 @@ impl Deformer {
     #[cfg(feature = "gpu")]
     pub fn contact_room(&mut self, pairs: usize) -> Result<(), StepError> {
         let Engine::Gpu(gpu) = &mut self.engine else { return Ok(()) };
-        gpu.contact_room(pairs).map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
+        let GpuEngine { gpu, contact, .. } = &mut **gpu;
+        let made = gpu.checked(|| {
+            contact.iter_mut().for_each(|contact| contact.make_room(gpu, pairs, pairs));
+            Ok(())
+        });
+        made.map_err(|fault| self.failed(Failure::Gpu(fault)))
     }
 
     /// Collects the sums of contact on the GPU in workgroups from so many acting pairs on.
     #[cfg(feature = "gpu")]
     pub fn collect_contact_from(&mut self, pairs: u32) {
         if let Engine::Gpu(gpu) = &mut self.engine {
-            gpu.collect_contact_from(pairs);
+            gpu.contact.iter_mut().for_each(|contact| contact.many = pairs);
         }
     }
 
@@ -67,7 +72,7 @@ impl Deformer {
     #[must_use]
     pub fn has_contact_room(&self) -> usize {
         let Engine::Gpu(gpu) = &self.engine else { return 0 };
-        gpu.has_contact_room()
+        gpu.contact.as_ref().map_or(0, |contact| contact.room)
     }
 
     /// Whether the device accesses the hybrid's mapped outbox and inbox directly, without a copy.
@@ -88,6 +93,6 @@ impl Deformer {
         let (engine, plan) = self.plan(&decision, attributes);
         let Engine::Hybrid(hybrid) = engine else { return Ok(()) };
         let run = hybrid.run_forces(&plan, repeats);
-        run.map_err(|fault| self.failed(crate::error::failure::Failure::Gpu(fault)))
+        run.map_err(|fault| self.failed(Failure::Gpu(fault)))
     }
 }

@@ -41,7 +41,7 @@ const CROWD: usize = 4;
 /// A cloth on the GPU.
 #[derive(Debug)]
 pub(crate) struct GpuEngine {
-    gpu: Gpu,
+    pub(crate) gpu: Gpu,
     pub(crate) forces: Forces,
     bodies: Sent,
     pub(crate) sweep: EdgeSweep,
@@ -73,7 +73,7 @@ pub(crate) struct GpuEngine {
     /// Created when the cloth is first drawn, or a render mesh bound to it.
     normals: OnceLock<Arc<Normals>>,
     /// Number of dispatches of the last step, each of which waits for the one before.
-    dispatches: usize,
+    pub(crate) dispatches: usize,
     /// The error that kept a step from being prepared. Later steps fail with it too, because buffers may be incomplete.
     broken: Option<GpuFault>,
 }
@@ -185,12 +185,6 @@ impl GpuEngine {
 
     pub(crate) fn adapter(&self) -> &str {
         self.gpu.name()
-    }
-
-    /// Number of dispatches of the last step.
-    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the benches ask"))]
-    pub(crate) fn dispatches(&self) -> usize {
-        self.dispatches
     }
 
     pub(crate) fn position_buffer(&self) -> &wgpu::Buffer {

@@ -162,7 +162,7 @@ fn every_path_agrees_with_the_cpu() {
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let (x_gpu, p_gpu) = play(&mut engine, &cloth, &options, windy, levels);
                 let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
-                let once = engine.dispatches() == 1;
+                let once = engine.dispatches == 1;
                 assert_eq!(once, route == Route::SingleWorkgroup, "{name}: {route:?} {method:?}");
                 let (dx, dp) = (apart(&x, &x_gpu) / moved, apart(&p, &p_gpu) / speed);
                 let what =
@@ -209,7 +209,7 @@ fn bending_agrees_with_the_cpu_on_every_path() {
             let mut alone = Engine::Gpu(Box::new(alone));
             let (end, _) = play(&mut alone, &cloth, &options, false, 0);
             let Engine::Gpu(alone) = &alone else { unreachable!("made above") };
-            assert_eq!(alone.dispatches(), 1);
+            assert_eq!(alone.dispatches, 1);
             let distances = [(&x, &ends[0]), (&ends[0], &ends[1]), (&ends[0], &ends[2]), (&ends[0], &end)];
             let [dx, between, parts, single] = distances.map(|(a, b)| apart(a, b) / moved);
             let what = format!("{name}, B = {bending}, tau = {damping}, {count} passes");
@@ -310,7 +310,7 @@ fn each_of_a_crowd_is_one_dispatch() {
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
     assert!(GpuEngine::step_all(&mut jobs).is_empty());
     for (_, engine, plan) in jobs {
-        assert_eq!(engine.dispatches(), 1, "bending {}, wind {}", plan.bending, plan.air);
+        assert_eq!(engine.dispatches, 1, "bending {}, wind {}", plan.bending, plan.air);
         let mut cpu = Cpu::new(plan.cloth);
         cpu.step(&plan, None).unwrap();
         let mut seen = Vec::new();

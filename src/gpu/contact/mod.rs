@@ -88,7 +88,7 @@ pub(crate) struct GpuContact {
     /// Inverse of the mass of the whole cloth (1/kg), once it was computed.
     per_mass: Option<f32>,
     /// Number of pairs that the list has room for, and the space for what detection compares.
-    room: usize,
+    pub(crate) room: usize,
     space: usize,
     buffers: Buffers,
     checkpoint: Checkpoint,
@@ -107,7 +107,7 @@ pub(crate) struct GpuContact {
     /// Number of substeps of the current step.
     substeps: usize,
     /// Number of pairs that act from which workgroups collect their sums.
-    many: u32,
+    pub(crate) many: u32,
 }
 
 impl GpuContact {
@@ -189,16 +189,6 @@ impl GpuContact {
         if self.on_cpu.ignore_pinched(plan, x) {
             self.status.since = status::NEVER;
         }
-    }
-
-    /// Collects the sums of pairs in workgroups from so many acting pairs on.
-    pub(crate) fn collect_from(&mut self, pairs: u32) {
-        self.many = pairs;
-    }
-
-    /// Number of pairs that the list has room for.
-    pub(crate) fn room(&self) -> usize {
-        self.room
     }
 
     /// Counts of the last step.

@@ -195,26 +195,4 @@ impl GpuEngine {
         }
         Ok(judgment)
     }
-
-    /// Sets the room of the list of pairs and of what detection compares, so that tests can have little.
-    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
-    pub(crate) fn contact_room(&mut self, pairs: usize) -> Result<(), GpuFault> {
-        let GpuEngine { gpu, contact, .. } = self;
-        gpu.checked(|| {
-            contact.iter_mut().for_each(|contact| contact.make_room(gpu, pairs, pairs));
-            Ok(())
-        })
-    }
-
-    /// Sets the number of acting pairs from which their sums are collected in workgroups, so that tests need few.
-    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
-    pub(crate) fn collect_contact_from(&mut self, pairs: u32) {
-        self.contact.iter_mut().for_each(|contact| contact.collect_from(pairs));
-    }
-
-    /// Number of pairs that the list has room for.
-    #[cfg_attr(not(feature = "bench"), expect(dead_code, reason = "the tests ask"))]
-    pub(crate) fn has_contact_room(&self) -> usize {
-        self.contact.as_ref().map_or(0, |contact| contact.room())
-    }
 }
