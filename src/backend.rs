@@ -174,11 +174,12 @@ impl Engine {
     /// Intersections known to contact: those of the cloth with itself, and for each intersection with a body the index
     /// of the body.
     pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        match self {
+        let found = match self {
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.on_cpu.crossings()).unwrap_or_default(),
-            _ => self.cpu().and_then(|cpu| cpu.contact.as_ref()).map(|contact| contact.crossings()).unwrap_or_default(),
-        }
+            Engine::Gpu(gpu) => gpu.contact.as_ref().map(|contact| contact.on_cpu.crossings.all(&contact.on_cpu.surface)),
+            _ => self.cpu().and_then(|cpu| cpu.contact.as_ref()).map(|contact| contact.crossings.all(&contact.surface)),
+        };
+        found.unwrap_or_default()
     }
 
     /// What the processor computes; `None` if a GPU does everything.

@@ -64,7 +64,7 @@ use glam::{DVec3, Vec4};
 use crate::kernels::params::Substep;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
-use crate::options::{Contact, Crossing};
+use crate::options::Contact;
 use crate::simd::Width;
 use crate::step::plan::Plan;
 
@@ -116,17 +116,17 @@ pub(crate) struct Replaced<T>(pub Option<Box<T>>);
 /// The state of contact of a cloth with itself and with mesh bodies, kept between steps.
 #[derive(Debug)]
 pub(crate) struct TriangleContact {
-    surface: Surface,
+    pub surface: Surface,
     /// The cloth's coefficient of friction with itself.
     friction: f32,
     /// Over the triangles of the cloth, and over those of the bodies.
     trees: [Tree; 2],
-    bodies: Bodies,
+    pub bodies: Bodies,
     lists: [Rows; 2],
     detection: Detection,
     contacts: Contacts,
     paths: Paths,
-    crossings: KnownCrossings,
+    pub crossings: KnownCrossings,
     /// In this step, pins move, or mesh bodies move and there are pins. Kinematic vertices may be made to intersect.
     kinematics_moved: bool,
     push: Pushes,
@@ -169,16 +169,6 @@ impl TriangleContact {
         })
     }
 
-    /// Whether a step can go on with these bodies.
-    pub(crate) fn fits_meshes<'a>(&self, meshes: impl ExactSizeIterator<Item = &'a Arc<Mesh>> + Clone) -> bool {
-        self.bodies.are_of(meshes)
-    }
-
-    /// Whether it can go on from a saved state.
-    pub(crate) fn fits_past(&self, past: &ContactPast) -> bool {
-        self.bodies.are_numbered_for(past.numbered.iter())
-    }
-
     /// The number of vertices, including those of bodies, that the state must hold.
     pub(crate) fn vertices(&self) -> usize {
         self.surface.rest.len()
@@ -192,12 +182,6 @@ impl TriangleContact {
         self.paths.forget();
         self.lists.iter_mut().for_each(Rows::clear);
         self.contacts.forget();
-    }
-
-    /// Edges that pass through triangles of the cloth, as of the last detection, or have done so in this step, given by
-    /// vertices; and for each pair of an edge and a triangle that do, one on the cloth and one on a body, the index of the body.
-    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        self.crossings.all(&self.surface)
     }
 
     /// Prepares for a step.

@@ -4,6 +4,8 @@
 use std::sync::Arc;
 
 use super::TriangleContact;
+use super::bodies::Bodies;
+use super::crossings::known::KnownCrossings;
 use super::detection::paths::Paths;
 use super::detection::rows::Rows;
 use super::surface::Surface;
@@ -70,6 +72,26 @@ impl ContactPast {
         Some([of_vertices, rows(surface, Kind::EdgeEdge, of_edges, [edges; 2])?])
     }
 
+    /// Keeps where the bodies are, and what crosses.
+    pub(super) fn keep(&mut self, bodies: &Bodies, crossings: &KnownCrossings) {
+        self.numbered.clone_from(&bodies.numbered);
+        self.bodies.clone_from(&bodies.last);
+        self.crossings.clone_from(&crossings.pairs);
+        self.may_cross = !crossings.are_all;
+    }
+
+    /// Goes back to where the bodies were, and to what crossed. Returns false, and changes nothing, if these are other bodies.
+    pub(super) fn put_back(&self, bodies: &mut Bodies, crossings: &mut KnownCrossings, surface: &Surface) -> bool {
+        if !bodies.go_back(&self.bodies) {
+            return false;
+        }
+        if crossings.pairs != self.crossings {
+            crossings.take(self.crossings.clone(), surface);
+        }
+        crossings.are_all = !self.may_cross;
+        true
+    }
+
     /// Applies a rigid motion of the whole cloth.
     pub(crate) fn warp(&mut self, rigid: &Rigid) {
         self.paths.warp(rigid);
@@ -92,15 +114,12 @@ impl TriangleContact {
 
     /// Goes back to where the last step began.
     pub(crate) fn roll_back(&mut self) {
-        let ContactPast { numbered: _, bodies, lists, paths, crossings, may_cross, h } = &self.checkpoint;
-        self.bodies.go_back(bodies);
+        self.checkpoint.put_back(&mut self.bodies, &mut self.crossings, &self.surface);
+        let ContactPast { lists, paths, h, .. } = &self.checkpoint;
         self.lists.iter_mut().zip(lists).for_each(|(rows, saved)| rows.copy_from(saved));
         self.paths.copy_from(paths);
-        if self.crossings.pairs != *crossings {
-            self.crossings.take(crossings.clone(), &self.surface);
-        }
         self.contacts.forget();
-        (self.detection.is_fitted, self.crossings.are_all, self.h) = (false, !may_cross, *h);
+        (self.detection.is_fitted, self.h) = (false, *h);
     }
 
     pub(crate) fn past(&self) -> ContactPast {
@@ -129,25 +148,20 @@ impl TriangleContact {
             tally: _,
             checkpoint: _,
         } = self;
-        past.numbered.clone_from(&bodies.numbered);
-        past.bodies.clone_from(&bodies.last);
+        past.keep(bodies, crossings);
         past.lists.iter_mut().zip(lists).for_each(|(saved, rows)| saved.copy_from(rows));
         past.paths.copy_from(paths);
-        past.crossings.clone_from(&crossings.pairs);
-        (past.may_cross, past.h) = (!crossings.are_all, *h);
+        past.h = *h;
     }
 
     /// Continues from a saved state. Returns false, and changes nothing, if the state cannot belong to this cloth.
     pub(crate) fn resume(&mut self, past: &ContactPast) -> bool {
-        let Some(lists) = past.lists_on(&self.surface, self.surface.piece.len()).filter(|_| self.bodies.go_back(&past.bodies))
-        else {
-            return false;
-        };
-        self.lists = lists;
+        let TriangleContact { surface, bodies, crossings, .. } = self;
+        let lists = past.lists_on(surface, surface.piece.len()).filter(|_| past.put_back(bodies, crossings, surface));
+        let Some(lists) = lists else { return false };
         self.contacts.forget();
-        self.crossings.take(past.crossings.clone(), &self.surface);
         self.detection.is_fitted = false;
-        (self.paths, self.crossings.are_all, self.h) = (past.paths.clone(), !past.may_cross, past.h);
+        (self.lists, self.paths, self.h) = (lists, past.paths.clone(), past.h);
         true
     }
 }

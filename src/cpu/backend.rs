@@ -126,7 +126,7 @@ impl Cpu {
             }
             Some(past) => {
                 self.replaced = None;
-                if !self.contact.as_ref().is_some_and(|contact| contact.fits_past(past)) {
+                if !self.contact.as_ref().is_some_and(|contact| contact.bodies.are_numbered_for(past.numbered.iter())) {
                     self.make_contact(cloth, options, past.numbered.clone());
                 }
                 if !self.contact.as_mut().is_some_and(|contact| contact.resume(past)) {
@@ -146,7 +146,7 @@ impl Cpu {
         let meshes = plan.meshes.iter().map(|body| &body.from);
         match &self.contact {
             Some(_) if !plan.has_contact() => self.replace_contact(None),
-            Some(contact) if contact.fits_meshes(meshes.clone()) => {}
+            Some(contact) if contact.bodies.are_of(meshes.clone()) => {}
             _ if plan.has_contact() => self.make_contact(plan.cloth, plan.contact, meshes.cloned().collect()),
             _ => {}
         }

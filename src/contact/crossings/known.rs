@@ -39,7 +39,7 @@ pub(crate) struct KnownCrossings {
     /// Pairs of an edge and a triangle that have moved through each other in this step, sorted. They need not intersect any more.
     through: Vec<[u32; 2]>,
     /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
-    ignored: [Vec<[u32; 2]>; 2],
+    pub ignored: [Vec<[u32; 2]>; 2],
     /// The vertices around known intersections, sorted. They are not carried, since what crosses would not separate then.
     pub entangled: Vec<u32>,
 }
@@ -183,11 +183,6 @@ impl KnownCrossings {
             }
         }
         (own, with_bodies)
-    }
-
-    #[cfg(feature = "gpu")]
-    pub(crate) fn ignored(&self) -> &[Vec<[u32; 2]>; 2] {
-        &self.ignored
     }
 
     /// Whether a pair is ignored.

@@ -20,19 +20,11 @@ use super::surface::Surface;
 use crate::kernels::pair::Kind;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
-use crate::options::{Contact, Crossing};
+use crate::options::Contact;
 use crate::step::plan::Plan;
 
 /// `MARK` of `shared.wgsl`.
 pub(crate) const MARK: u32 = 1 << 31;
-
-/// What a step that fails leaves as it was: the meshes of bodies at the end of the last step, and what was known to intersect.
-#[derive(Debug, Default)]
-struct Before {
-    bodies: Vec<Arc<Mesh>>,
-    crossings: Vec<[u32; 2]>,
-    are_all: bool,
-}
 
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
 #[derive(Debug)]
@@ -44,7 +36,8 @@ pub(crate) struct HostContact {
     pub crossings: KnownCrossings,
     /// The vertices of pairs that were pinched in the last step, around which there may be others.
     pinched: Vec<u32>,
-    before: Before,
+    /// What a step that fails leaves as it was: where mesh colliders were at the end of the last step, and what was known to intersect.
+    before: ContactPast,
     /// What was last uploaded of the motions of mesh colliders; it keeps its memory.
     motions: Vec<[Vec4; 2]>,
 }
@@ -73,7 +66,7 @@ impl HostContact {
             vertices: range[1],
             crossings: KnownCrossings::default(),
             pinched: Vec::new(),
-            before: Before::default(),
+            before: ContactPast::default(),
             motions: Vec::new(),
         };
         Some((contact, params, table))
@@ -82,9 +75,7 @@ impl HostContact {
     /// Begins a step; `friction` is that of the cloth with itself. Returns whether a mesh collider starts elsewhere than
     /// where the last step left it.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
-        self.before.bodies.clone_from(&self.bodies.last);
-        self.before.crossings.clone_from(&self.crossings.pairs);
-        self.before.are_all = self.crossings.are_all;
+        self.before.keep(&self.bodies, &self.crossings);
         let jumped = self.bodies.begin(plan, friction);
         self.crossings.are_all &= !jumped;
         jumped
@@ -92,12 +83,7 @@ impl HostContact {
 
     /// Goes back to where the last step began.
     pub(crate) fn roll_back(&mut self) {
-        let Before { bodies, crossings, are_all } = &self.before;
-        self.bodies.go_back(bodies);
-        if self.crossings.pairs != *crossings {
-            self.crossings.take(crossings.clone(), &self.surface);
-        }
-        self.crossings.are_all = *are_all;
+        self.before.put_back(&mut self.bodies, &mut self.crossings, &self.surface);
     }
 
     /// The motions of the vertices of mesh colliders in this step, with their coefficients of friction; `None` if the
@@ -211,34 +197,18 @@ impl HostContact {
         x
     }
 
-    /// Intersections found by the last search: of the cloth with itself, given by vertices, and for each one with a
-    /// mesh collider the index of that.
-    pub(crate) fn crossings(&self) -> (Vec<Crossing>, Vec<usize>) {
-        self.crossings.all(&self.surface)
-    }
-
     /// The state in the form that both backends save.
     pub(crate) fn past(&self, lists: [Rows; 2], paths: Paths, h: f32) -> ContactPast {
-        ContactPast {
-            numbered: self.bodies.numbered.clone(),
-            bodies: self.bodies.last.clone(),
-            lists,
-            paths,
-            crossings: self.crossings.pairs.clone(),
-            may_cross: !self.crossings.are_all,
-            h,
-        }
+        let mut past = ContactPast { lists, paths, h, ..ContactPast::default() };
+        past.keep(&self.bodies, &self.crossings);
+        past
     }
 
     /// Continues from a saved state. Returns its lists with all pairs in rows; `None`, and changes nothing, if the state cannot
     /// belong to this cloth.
     pub(crate) fn resume(&mut self, past: &ContactPast) -> Option<[Rows; 2]> {
-        let lists = past.lists_on(&self.surface, self.vertices)?;
-        if !self.bodies.go_back(&past.bodies) {
-            return None;
-        }
-        self.crossings.take(past.crossings.clone(), &self.surface);
-        self.crossings.are_all = !past.may_cross;
-        Some(lists.map(Rows::in_rows))
+        let HostContact { surface, bodies, crossings, vertices, .. } = self;
+        let lists = past.lists_on(surface, *vertices).filter(|_| past.put_back(bodies, crossings, surface));
+        lists.map(|lists| lists.map(Rows::in_rows))
     }
 }

@@ -175,9 +175,9 @@ impl GpuContact {
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). Returns positions
     /// from which to start instead, if anything touched exactly.
     pub(crate) fn find_crossings(&mut self, plan: &Plan<'_>, x: Vec<Vec4>) -> Option<Vec<Vec4>> {
-        let crossed = !self.on_cpu.crossings.ignored().iter().all(Vec::is_empty);
+        let crossed = !self.on_cpu.crossings.ignored.iter().all(Vec::is_empty);
         let moved = self.on_cpu.find_crossings(plan, x, self.status.since == status::NEVER);
-        if crossed || !self.on_cpu.crossings.ignored().iter().all(Vec::is_empty) {
+        if crossed || !self.on_cpu.crossings.ignored.iter().all(Vec::is_empty) {
             // The ignored pairs may have changed, so the lists are rebuilt.
             self.status.since = status::NEVER;
         }
@@ -200,7 +200,7 @@ impl GpuContact {
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
         let GpuContact { on_cpu, params, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
-        let [of_vertices, of_edges] = on_cpu.crossings.ignored();
+        let [of_vertices, of_edges] = &on_cpu.crossings.ignored;
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
             (1.0 / masses.sum::<f64>().max(f64::MIN_POSITIVE)) as f32
