@@ -72,16 +72,16 @@ impl Deformer {
         let substep_rate = self.substep_rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.state.pace.is_known();
-        let controller = if is_guess { controller } else { controller.after(substep_rate) };
+        let mut controller = if is_guess { controller } else { controller.after(substep_rate) };
         let Division { substeps, length } =
-            self.rates.divide(&self.cloth, &self.options, dt, substep_rate, controller.longest())?;
+            self.rates.divide(&self.cloth, &self.options, dt, substep_rate, controller.longest)?;
         let before = self.state.controller.levels();
         let levels = self.rates.levels(&self.cloth, &self.options, length, load.lasting_pressure, before);
         let carrying = match self.options.levels {
             Levels::Count(_) => self.rates.fewest_levels(&self.cloth, length),
             _ => levels,
         };
-        let controller = controller.with_levels(levels);
+        controller.levels = levels as u32;
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
         let lacks_levels = (levels as usize) < carrying;
         let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
@@ -105,7 +105,7 @@ impl Deformer {
 
     /// Substeps per second in a step of `dt` (s): as many as the quality asks for, and as contact of this thickness (m) needs.
     pub(super) fn substep_rate(&self, dt: f32, controller: &Controller, thickness: Option<f64>, load: &Load) -> f64 {
-        let asked = self.rates.substep_rate(&self.options, controller.count());
+        let asked = self.rates.substep_rate(&self.options, controller.count);
         let substep_rate =
             thickness.map_or(asked, |thickness| asked.max(self.resolving_contact(thickness, load.kinematic_speed)));
         if matches!(self.options.quality, Quality::Substeps(_)) || self.options.method != Method::SmallSteps {

@@ -79,15 +79,15 @@ impl Deformer {
             (None, Quality::Budget(time)) => {
                 // The controller counts substeps per 1/60 s.
                 let steps = f64::from(dt) * SIXTIETHS;
-                let fitting = self.state.pace.fitting(1e-3 * f64::from(time), self.state.controller.count() * steps);
+                let fitting = self.state.pace.fitting(1e-3 * f64::from(time), self.state.controller.count * steps);
                 let most = most(&self.rates, &self.cloth);
                 // With fewer, cloth is stretched so far that contact takes longer, not less.
                 let weight = load.weight(&self.cloth);
                 let taut = (self.rates.keeping(weight, TAUT) / SIXTIETHS).clamp(FEWEST_SUBSTEPS, most);
                 let least = if has_contact { taut } else { 1.0 };
-                self.state
-                    .controller
-                    .with_count(fitting.map_or(least.max(FEWEST_SUBSTEPS), |substeps| (substeps / steps).clamp(least, most)))
+                let mut controller = self.state.controller;
+                controller.count = fitting.map_or(least.max(FEWEST_SUBSTEPS), |substeps| (substeps / steps).clamp(least, most));
+                controller
             }
             _ => self.state.controller,
         }

@@ -117,13 +117,13 @@ impl StrainBound {
 pub(crate) struct Controller {
     /// The factor `f` of the strain law.
     factor: f64,
-    /// Substeps in 1/60 s of the last step; 0 before the first.
-    count: f64,
+    /// Substeps in 1/60 s of the last step, or of the one that this state is for; 0 before the first.
+    pub count: f64,
     /// For how long (s) fewer substeps would have sufficed.
     low: f32,
     /// The longest substep (s) that was allowed in any step since the cloth was placed, its bending changed, or its quality to or from
     /// another kind than [`Quality::Substeps`]; 0 before the first.
-    longest: f64,
+    pub longest: f64,
     /// The stretch that was last measured with as many substeps as help ([`most`]): it is the fabric's own, as of cloth that is
     /// too narrow for what it is pulled over. 0 if it is not known.
     own: f64,
@@ -139,7 +139,7 @@ pub(crate) struct Controller {
     /// Time (s) since the number fell.
     fallen_for: f32,
     /// The number of levels that [`Rates::levels`] chose for the last step; [`u32::MAX`] before the first.
-    levels: u32,
+    pub levels: u32,
 }
 
 recorded!(Controller { factor, count, low, longest, own, known_for, stress, too_few, failed_under, fallen_for, levels });
@@ -225,11 +225,6 @@ impl Controller {
         if self.is_held() { caution.patience.max(settled) } else { caution.patience }
     }
 
-    /// Substeps in 1/60 s of the step that this state is for.
-    pub(crate) fn count(&self) -> f64 {
-        self.count
-    }
-
     /// The strain beyond the fabric's own that the law predicts for substeps of at most `longest` (s).
     pub(crate) fn expected(&self, rates: &Rates, cloth: &Cloth, load: &Load, longest: f32) -> f64 {
         self.factor * rates.strain(load.stress(cloth), f64::from(longest))
@@ -245,19 +240,9 @@ impl Controller {
         (self.levels != u32::MAX).then_some(self.levels as usize)
     }
 
-    /// The state with a number of levels.
-    pub(crate) fn with_levels(&self, levels: usize) -> Controller {
-        Controller { levels: levels as u32, ..*self }
-    }
-
     /// The state for another quality: without the longest substep, and without what was too few for the last one.
     pub(crate) fn afresh(&self) -> Controller {
         Controller { longest: 0.0, too_few: 0.0, ..*self }
-    }
-
-    /// The longest substep (s) that was allowed in any step so far.
-    pub(crate) fn longest(&self) -> f64 {
-        self.longest
     }
 
     /// The state after a step from it was rejected, for which another one was `tried` and has learned its factor. A number to which it had
@@ -268,11 +253,6 @@ impl Controller {
             return rejected;
         }
         Controller { too_few: self.too_few.max(tried.count), failed_under: tried.stress, fallen_for: 0.0, ..rejected }
-    }
-
-    /// The state with another number of substeps in 1/60 s.
-    pub(crate) fn with_count(&self, count: f64) -> Controller {
-        Controller { count, ..*self }
     }
 
     /// The number of substeps in 1/60 s that the law asks for.
