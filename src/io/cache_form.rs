@@ -158,12 +158,6 @@ impl CacheForm {
     }
 }
 
-/// The lowest and the highest corner of the bounding box.
-pub(super) fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
-    let first = positions.first().copied().unwrap_or_default();
-    positions.iter().fold([first; 2], |[low, high], &x| [low.min(x), high.max(x)])
-}
-
 fn check_rate(fps: f32) -> Result<(), PointCacheError> {
     if fps > 0.0 && fps.is_finite() {
         Ok(())

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 
 use crate::io::atomic_file::AtomicFile;
-use crate::io::cache_form::{CacheForm, bounds};
+use crate::io::cache_form::CacheForm;
 use crate::io::point_cache_error::PointCacheError;
+use crate::model::mesh::bounds;
 
 /// Writes a point cache: create it for a number of samples, push each sample, and finish it. Until it is finished,
 /// whatever was at its path is unchanged; dropped before that, it leaves nothing behind.
@@ -92,7 +93,7 @@ impl PointCache {
             return Err(PointCacheError::Sample { sample, problem, vertices: self.vertices });
         }
         if matches!(self.form, CacheForm::Usda { .. }) {
-            self.boxes.push(bounds(positions));
+            self.boxes.push(if positions.is_empty() { [Vec3::ZERO; 2] } else { bounds(positions) });
         }
         if let Err(reason) = self.form.write_sample(&mut self.file, sample, positions) {
             self.cut_short = true;
