@@ -115,11 +115,6 @@ impl Aggregates {
     pub(super) fn chunk(&self, chunk: usize) -> Range<usize> {
         chunk * self.grain..((chunk + 1) * self.grain).min(self.inverse_mass.len())
     }
-
-    /// Whether the sweep of this level is divided into tasks.
-    fn is_shared(&self) -> bool {
-        self.partition.tiles.len() > 1
-    }
 }
 
 impl Coarse {
@@ -149,7 +144,7 @@ impl Coarse {
 
     /// The number of levels whose sweeps are divided into tasks. They are the finest ones.
     pub(crate) fn shared(&self) -> usize {
-        self.levels.iter().take_while(|level| level.is_shared()).count()
+        self.levels.iter().take_while(|level| level.partition.tiles.len() > 1).count()
     }
 
     /// The partition of a level's sweep.
@@ -160,11 +155,6 @@ impl Coarse {
     /// The number of restriction tasks of a level.
     pub(crate) fn restrictions(&self, level: usize) -> usize {
         self.levels[level].inverse_mass.len().div_ceil(self.levels[level].grain)
-    }
-
-    /// The aggregates of one restriction task.
-    pub(crate) fn restricted(&self, level: usize, chunk: usize) -> Range<usize> {
-        self.levels[level].chunk(chunk)
     }
 
     /// The members of some aggregates, as items of the next finer level.

@@ -212,7 +212,7 @@ impl Resources<'_> {
             Domain::Triangles => self.panel_tiles.to_vec(),
             Domain::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
             Domain::Aggregates(level) => {
-                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.restricted(level, chunk));
+                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.levels[level].chunk(chunk));
                 chunks.map(|chunk| self.of_level(level, chunk.map(|aggregate| aggregate as u32))).collect()
             }
             // A piece of the first round also receives the coarser correction for its whole tile, whichever edges it
@@ -247,7 +247,8 @@ impl Resources<'_> {
                 // instead: the sweep of the smallest levels needs all aggregates anyway, and a worker without other
                 // work would restrict vertices that are in another core's cache rather than help that worker with its
                 // edges.
-                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.members(level, coarse.restricted(level, chunk)));
+                let chunks =
+                    (0..coarse.restrictions(level)).map(|chunk| coarse.members(level, coarse.levels[level].chunk(chunk)));
                 let below = |members| match level {
                     0 => (0..partition.tiles.len() as u32).collect(),
                     _ => self.of_level(level - 1, members),
