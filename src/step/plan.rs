@@ -262,3 +262,7 @@ impl<'a> Plan<'a> {
         self.params.damped != 0
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/step_plan.rs"]
+mod tests;

@@ -166,16 +166,7 @@ fn every_width_predicts_as_the_oracle_does() {
             let plan_of = |options: &Options, attributes: &Attributes, check: &dyn Fn(&Plan<'_>)| {
                 let coefficients = Coefficients::new(&cloth, &[], options, Length::of(h));
                 let (mut lists, motion) = (PlanBuffers::default(), Motion::after(&cloth, &cloth.rest, h));
-                let inputs = StepInputs {
-                    cloth: &cloth,
-                    levels: &[],
-                    lacks_levels: false,
-                    options,
-                    coefficients: &coefficients,
-                    motion: &motion,
-                    substeps: 1,
-                    attributes,
-                };
+                let inputs = StepInputs::of(&cloth, options, &coefficients, &motion, 1, attributes);
                 check(&Plan::new(&inputs, &mut lists));
             };
             let most = |a: &[Vec4], b: &[Vec4]| {

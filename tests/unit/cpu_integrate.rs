@@ -34,16 +34,7 @@ fn any_groups_of_vertices_are_advanced_alike() {
         let attributes = Attributes { colliders: vec![body.clone()], ..Attributes::default() };
         let (mut lists, motion) =
             (PlanBuffers::default(), Motion { colliders: vec![before], ..Motion::after(&cloth, &cloth.rest, h) });
-        let inputs = StepInputs {
-            cloth: &cloth,
-            levels: &[],
-            lacks_levels: false,
-            options: &options,
-            coefficients: &coefficients,
-            motion: &motion,
-            substeps: 2,
-            attributes: &attributes,
-        };
+        let inputs = StepInputs::of(&cloth, &options, &coefficients, &motion, 2, &attributes);
         let plan = Plan::new(&inputs, &mut lists);
         let mut random = fastrand::Rng::with_seed(8);
         let mut vector = |size: f32| glam::Vec3::from_array([0; 3].map(|_: i32| size * (random.f32() - 0.5)));

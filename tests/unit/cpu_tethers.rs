@@ -27,16 +27,7 @@ fn every_width_holds_as_the_oracle_does() {
     let targets = motion.pins.iter().map(|pin| *pin + cloth.origin + Vec3::new(0.03, 0.02, -0.01)).collect();
     let attributes = Attributes { pin_targets: Some(targets), ..Attributes::default() };
     let mut buffers = PlanBuffers::default();
-    let inputs = StepInputs {
-        cloth: &cloth,
-        levels: &[],
-        lacks_levels: false,
-        options: &options,
-        coefficients: &coefficients,
-        motion: &motion,
-        substeps: 4,
-        attributes: &attributes,
-    };
+    let inputs = StepInputs::of(&cloth, &options, &coefficients, &motion, 4, &attributes);
     let plan = Plan::new(&inputs, &mut buffers);
     let substep = &plan.substeps[2];
     let mut random = fastrand::Rng::with_seed(6);

@@ -94,14 +94,8 @@ fn play_from(
         let mut buffers = PlanBuffers::default();
         let substeps = SUBSTEPS + u32::from(frame % 2);
         let inputs = StepInputs {
-            cloth,
             levels: &hierarchy.levels,
-            lacks_levels: false,
-            options,
-            coefficients: &coefficients,
-            motion: &motion,
-            substeps,
-            attributes: &attributes,
+            ..StepInputs::of(cloth, options, &coefficients, &motion, substeps, &attributes)
         };
         engine.step(&Plan::new(&inputs, &mut buffers)).unwrap();
         if let Some(targets) = attributes.pin_targets {
@@ -295,16 +289,7 @@ fn each_of_a_crowd_is_one_dispatch() {
     let motions = scenes.each_ref().map(|(cloth, ..)| Motion::after(cloth, &cloth.rest, 0.0));
     let plans =
         scenes.iter().zip(&motions).zip(&mut buffers).map(|(((cloth, options, coefficients, attributes), motion), buffers)| {
-            let inputs = StepInputs {
-                cloth,
-                levels: &[],
-                lacks_levels: false,
-                options,
-                coefficients,
-                motion,
-                substeps: SUBSTEPS,
-                attributes,
-            };
+            let inputs = StepInputs::of(cloth, options, coefficients, motion, SUBSTEPS, attributes);
             Plan::new(&inputs, buffers)
         });
     let mut jobs: Vec<_> = engines.iter_mut().zip(plans).enumerate().map(|(k, (engine, plan))| (k, engine, plan)).collect();
@@ -443,16 +428,7 @@ fn a_failed_step_is_undone_on_every_path() {
         let mut step = |gravity: Vec3, read: bool| {
             let attributes = Attributes { gravity, ..Attributes::default() };
             let mut buffers = PlanBuffers::default();
-            let inputs = StepInputs {
-                cloth: &cloth,
-                levels: &[],
-                lacks_levels: false,
-                options: &options,
-                coefficients: &coefficients,
-                motion: &motion,
-                substeps: SUBSTEPS,
-                attributes: &attributes,
-            };
+            let inputs = StepInputs::of(&cloth, &options, &coefficients, &motion, SUBSTEPS, &attributes);
             engine.step(&Plan::new(&inputs, &mut buffers)).unwrap();
             let mut seen = Vec::new();
             let failed = read && engine.read(|x, _| seen = x.to_vec()).is_err();

@@ -53,16 +53,7 @@ impl Scene {
         let attributes = Attributes::default();
         let mut buffers = PlanBuffers::default();
         let Scene { cloth, options, coefficients, .. } = self;
-        let inputs = StepInputs {
-            cloth,
-            levels: &[],
-            lacks_levels: false,
-            options,
-            coefficients,
-            motion: &motion,
-            substeps: SUBSTEPS,
-            attributes: &attributes,
-        };
+        let inputs = StepInputs::of(cloth, options, coefficients, &motion, SUBSTEPS, &attributes);
         let plan = Plan::new(&inputs, &mut buffers);
         let mut params = plan.params;
         bounds(&mut params);
