@@ -320,43 +320,6 @@ fn a_crowded_step_leaves_no_trace() {
     assert!(contacts > 0, "the sheets touch");
 }
 
-/// Contact changes no bit where nothing touches.
-#[test]
-fn where_nothing_touches_it_changes_no_bit() {
-    for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {
-        let mut scene = Scene::new(Mesh::grid(36, 36, 1.0, 1.0), 20, vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.3), 0.2)]);
-        scene.options.fabric.bending = bending;
-        scene.options.levels = levels;
-        scene.options.pinned = (0..36).collect();
-        let mut with = scene.on(Backend::Gpu);
-        scene.options.contact = None;
-        let mut without = scene.on(Backend::Gpu);
-        for _ in 0..5 {
-            assert_eq!(with.step(FRAME, &scene.attributes).unwrap().contacts, 0, "nothing touches");
-            without.step(FRAME, &scene.attributes).unwrap();
-        }
-        assert!(bits(&mut with) == bits(&mut without), "bending {bending}");
-    }
-}
-
-/// With all vertices in one point, a step succeeds or returns an error, but does not hang.
-#[test]
-fn all_cloth_in_one_place_is_no_trap() {
-    for n in [6, 40] {
-        let scene = Scene::new(Mesh::grid(n, n, 1.0, 1.0), 2, Vec::new());
-        let mut deformer = scene.on(Backend::Gpu);
-        let count = scene.mesh.positions.len();
-        deformer.set_state(&vec![Vec3::ONE; count], &vec![Vec3::ZERO; count]).unwrap();
-        match deformer.step(FRAME, &scene.attributes) {
-            Ok(_) => assert!(deformer.positions().unwrap().iter().all(|x| x.is_finite())),
-            Err(error) => {
-                assert!(matches!(error, StepError::Crowded { .. }), "{error}");
-                assert!(deformer.positions().unwrap().iter().all(|&x| x == Vec3::ONE), "as it was");
-            }
-        }
-    }
-}
-
 /// A sheet that initially passes through another: a warning says so, nothing explodes, and parts that are pulled out
 /// are held after that.
 #[test]

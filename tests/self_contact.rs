@@ -21,12 +21,14 @@ use common::{FRAME, bits, play, reference};
 
 on_every_backend!(
     a_floor_holds_a_sheet_on_which_another_slides,
+    all_cloth_in_one_place_is_no_trap,
     layers_of_one_piece_stay_apart,
     sheets_that_start_in_one_another_part,
     tall_stacks_stand_with_few_substeps,
     two_sheets_on_a_collider_come_to_rest,
     what_jumps_out_of_a_collider_is_reported,
-    what_crosses_where_pins_outrun_the_substeps_is_reported
+    what_crosses_where_pins_outrun_the_substeps_is_reported,
+    where_nothing_touches_it_changes_no_bit
 );
 
 impl Scene {
@@ -431,15 +433,14 @@ fn the_hybrid_bends_cloth_where_contact_moved_it() {
 }
 
 /// Where nothing touches, contact changes no bit: with forces and without, with moving pins and over a sphere.
-#[test]
-fn where_nothing_touches_it_changes_no_bit() {
+fn where_nothing_touches_it_changes_no_bit(backend: Backend) {
     for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {
         let mut scene = Scene::new(Mesh::grid(32, 32, 1.0, 1.0), 20, vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.3), 0.2)]);
         scene.options.fabric.bending = bending;
         scene.options.levels = levels;
         scene.options.pinned = (0..32).collect();
-        let mut with = scene.deformer();
-        let mut without = scene.without_contact().deformer();
+        let mut with = scene.on(backend);
+        let mut without = scene.without_contact().on(backend);
         let mut contacts = 0;
         for _ in 0..10 {
             contacts += with.step(FRAME, &scene.attributes).unwrap().contacts;
@@ -572,11 +573,10 @@ fn layers_of_one_piece_stay_apart(backend: Backend) {
 }
 
 /// All vertices in one point: an error or a step, but no endless loop.
-#[test]
-fn all_cloth_in_one_place_is_no_trap() {
+fn all_cloth_in_one_place_is_no_trap(backend: Backend) {
     for n in [6, 50, 90] {
         let scene = Scene::new(Mesh::grid(n, n, 1.0, 1.0), 2, Vec::new());
-        let mut deformer = scene.deformer();
+        let mut deformer = scene.on(backend);
         let count = scene.mesh.positions.len();
         deformer.set_state(&vec![Vec3::ONE; count], &vec![Vec3::ZERO; count]).unwrap();
         match deformer.step(FRAME, &scene.attributes) {
