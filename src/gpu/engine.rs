@@ -32,8 +32,10 @@ use crate::model::cloth::{Change, Cloth};
 use crate::options::Method;
 use crate::step::plan::Plan;
 
+#[cfg(test)]
+pub(crate) use route::Besides;
 pub(crate) use route::Route;
-use route::{Besides, Way};
+use route::Way;
 
 /// Number of cloths stepped together on one device from which each is given one workgroup whatever its size.
 const CROWD: usize = 4;
@@ -47,10 +49,8 @@ pub(crate) struct GpuEngine {
     pub(crate) sweep: EdgeSweep,
     /// How the last step that was prepared is done.
     way: Way,
-    /// The tiles with bending, for substeps that have that in a single pass.
-    pub(crate) bent: OnDemand,
-    /// The tiles that correct by a single level.
-    pub(crate) corrected: OnDemand,
+    /// The tiles that do more than sweep, for each of [`Besides`](route::Besides).
+    pub(crate) more: [OnDemand; 2],
     /// Created when a step first uses levels.
     pub(crate) multigrid: Option<Multigrid>,
     /// Most aggregates of a tile.
@@ -137,9 +137,8 @@ impl GpuEngine {
                 forces,
                 bodies,
                 sweep,
-                way: Way { route, besides: Besides::Nothing, predicted: true },
-                bent: OnDemand::new(),
-                corrected: OnDemand::new(),
+                way: Way { route, besides: None, predicted: true },
+                more: Default::default(),
                 multigrid: None,
                 max_aggregates: size.room * IN_TILE / IN_LEVEL_TILE,
                 small: route == Route::SingleWorkgroup,
@@ -298,12 +297,12 @@ impl GpuEngine {
 
     /// Binds the sweep to buffers that are new.
     fn rebind_sweep(&mut self) {
-        let GpuEngine { gpu, forces, bodies, sweep, bent, corrected, multigrid, single_workgroup, commit, .. } = self;
+        let GpuEngine { gpu, forces, bodies, sweep, more, multigrid, single_workgroup, commit, .. } = self;
         let bound = SweepInputs { forces, bodies, found: &commit.found, multigrid: multigrid.as_ref() };
         match sweep {
             EdgeSweep::PerColor(per_color) => per_color.rebind(gpu, forces, bodies),
             EdgeSweep::Tiled(tiled) => {
-                let more = [bent, corrected].into_iter().filter_map(|tiles| tiles.get_mut()?.as_deref_mut());
+                let more = more.iter_mut().filter_map(|tiles| tiles.get_mut()?.as_deref_mut());
                 std::iter::once(tiled).chain(more).for_each(|tiled| tiled.rebind(gpu, bound));
             }
         }
@@ -314,17 +313,13 @@ impl GpuEngine {
 
     /// Uploads the tables of the sweep.
     fn prepare_sweep(&mut self, plan: &Plan<'_>) {
-        let GpuEngine { gpu, sweep, way, bent, corrected, single_workgroup, .. } = self;
+        let GpuEngine { gpu, sweep, way, more, single_workgroup, .. } = self;
         match (way.route, sweep, single_workgroup) {
             (Route::SingleWorkgroup, _, Some(single)) => single.prepare(gpu, plan),
             (_, EdgeSweep::PerColor(per_color), _) => per_color.prepare(gpu, plan),
             (_, EdgeSweep::Tiled(tiled), _) => {
-                let more = match way.besides {
-                    Besides::Nothing => None,
-                    Besides::Bending => bent.get_mut(),
-                    Besides::Correcting => corrected.get_mut(),
-                };
-                more.and_then(Option::as_deref_mut).unwrap_or(tiled).prepare(gpu, plan);
+                let more = way.besides.and_then(|besides| more[besides as usize].get_mut()?.as_deref_mut());
+                more.unwrap_or(tiled).prepare(gpu, plan);
             }
         }
     }

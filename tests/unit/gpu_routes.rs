@@ -10,7 +10,7 @@ use crate::cpu::Cpu;
 use crate::device::Gpu;
 use crate::gpu::bend_tiles::BendTiles;
 use crate::gpu::bending::Bending;
-use crate::gpu::engine::{EdgeSweep, GpuEngine, Route};
+use crate::gpu::engine::{Besides, EdgeSweep, GpuEngine, Route};
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::slices::SLICE;
 use crate::gpu::sweep::{OnDemand, with_rings};
@@ -190,12 +190,16 @@ fn bending_agrees_with_the_cpu_on_every_path() {
             let ends = [(true, true), (false, true), (false, false)].map(|(with_sweep, in_tiles)| {
                 let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.forces.bend_in_tiles = in_tiles;
-                engine.bent = if with_sweep { OnDemand::new() } else { OnDemand::from(None) };
+                engine.more[Besides::Bending as usize] = if with_sweep { OnDemand::new() } else { OnDemand::from(None) };
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let (end, _) = play(&mut engine, &cloth, &options, false, 0);
                 let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
                 let fused = with_sweep && count <= 1;
-                assert_eq!(engine.bent.get().is_some_and(Option::is_some), fused, "{name}, {count} passes");
+                assert_eq!(
+                    engine.more[Besides::Bending as usize].get().is_some_and(Option::is_some),
+                    fused,
+                    "{name}, {count} passes"
+                );
                 assert_eq!(engine.forces.bending.as_ref().map(Bending::in_tiles), (!fused).then_some(in_tiles));
                 end
             });
@@ -227,11 +231,11 @@ fn tiles_correct_by_a_level_as_a_dispatch_of_its_own_does() {
             let ends = [OnDemand::new(), OnDemand::from(None)].map(|corrected| {
                 let fused = corrected.get().is_none();
                 let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
-                engine.corrected = corrected;
+                engine.more[Besides::Correcting as usize] = corrected;
                 let mut engine = Engine::Gpu(Box::new(engine));
                 let end = play(&mut engine, &cloth, &options, windy, 1);
                 let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
-                assert_eq!(engine.corrected.get().is_some_and(Option::is_some), fused, "{name}");
+                assert_eq!(engine.more[Besides::Correcting as usize].get().is_some_and(Option::is_some), fused, "{name}");
                 end
             });
             assert!(apart(&ends[0].0, &cloth.rest) > 0.01, "{name}: moved");

@@ -46,7 +46,7 @@ impl GpuEngine {
                 if !self.forces.averages(&forced) {
                     multigrid.encode_averages(pass, &forced, group);
                 }
-                if self.way.besides != Besides::Correcting {
+                if self.way.besides != Some(Besides::Correcting) {
                     multigrid.encode(pass, plan);
                 }
             }

@@ -2,7 +2,7 @@
 
 use super::{EdgeSweep, GpuEngine};
 use crate::device::Gpu;
-use crate::gpu::sweep::{OnDemand, SingleWorkgroup, SweepInputs, Tiled};
+use crate::gpu::sweep::{SingleWorkgroup, SweepInputs, Tiled};
 use crate::gpu::tethers;
 use crate::gpu::tiles::{IN_TILE, TileSize};
 use crate::kernels::integrate::Pin;
@@ -33,10 +33,10 @@ pub(crate) enum Route {
     SingleWorkgroup,
 }
 
-/// What tiles do besides sweeping.
+/// What tiles do besides sweeping, as an index of `GpuEngine::more`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Besides {
-    Nothing,
+pub(crate) enum Besides {
+    /// Bending in a single pass.
     Bending,
     /// Correcting by a single level.
     Correcting,
@@ -46,7 +46,7 @@ pub(super) enum Besides {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Way {
     pub route: Route,
-    pub besides: Besides,
+    pub besides: Option<Besides>,
     /// Whether the displacements are predicted before the sweep.
     pub predicted: bool,
 }
@@ -55,7 +55,7 @@ impl Way {
     /// The part of a step that is computed before its sweep: not what tiles compute themselves.
     pub(super) fn forced<'a>(self, plan: &Plan<'a>) -> Plan<'a> {
         let params = Params { predicted: self.predicted.into(), ..plan.params };
-        Plan { bending: plan.bending && self.besides != Besides::Bending, params, ..*plan }
+        Plan { bending: plan.bending && self.besides != Some(Besides::Bending), params, ..*plan }
     }
 }
 
@@ -103,7 +103,7 @@ impl GpuEngine {
     /// Prepares the tiles for steps with bending in a single pass.
     pub(super) fn make_bent(&self, plan: &Plan<'_>) {
         if let EdgeSweep::Tiled(tiled) = &self.sweep {
-            self.bent.get_or_init(|| tiled.bent(&self.gpu, plan.cloth, self.inputs()).map(Box::new));
+            self.more[Besides::Bending as usize].get_or_init(|| tiled.bent(&self.gpu, plan.cloth, self.inputs()).map(Box::new));
         }
     }
 
@@ -113,20 +113,16 @@ impl GpuEngine {
         if let (EdgeSweep::Tiled(tiled), [level, ..], 1) = (&self.sweep, plan.levels, plan.params.levels) {
             let fits = level.inverse_mass.len() <= self.max_aggregates;
             let make = || tiled.corrected(&self.gpu, plan.cloth, level, self.inputs()).map(Box::new);
-            self.corrected.get_or_init(|| if fits { make() } else { None });
+            self.more[Besides::Correcting as usize].get_or_init(|| if fits { make() } else { None });
         }
     }
 
     /// How a step is done that takes this route, with the tiles that there are.
     pub(super) fn way(&self, plan: &Plan<'_>, route: Route) -> Way {
-        let are_made = |tiles: &OnDemand| tiles.get().is_some_and(Option::is_some);
-        let besides = if GpuEngine::may_bend_in_tiles(plan) && are_made(&self.bent) {
-            Besides::Bending
-        } else if plan.params.levels == 1 && are_made(&self.corrected) {
-            Besides::Correcting
-        } else {
-            Besides::Nothing
-        };
+        let bends = GpuEngine::may_bend_in_tiles(plan).then_some(Besides::Bending);
+        let corrects = (plan.params.levels == 1).then_some(Besides::Correcting);
+        let are_made = |besides: &Besides| self.more[*besides as usize].get().is_some_and(Option::is_some);
+        let besides = [bends, corrects].into_iter().flatten().find(are_made);
         let way = Way { route, besides, predicted: true };
         // The levels' averages include the pins' motion.
         let has_moving_pins = plan.params.levels > 0 && !plan.pins.is_empty();
@@ -136,12 +132,7 @@ impl GpuEngine {
 
     /// The tiles that do the step.
     pub(super) fn tiled<'a>(&'a self, tiled: &'a Tiled) -> &'a Tiled {
-        let more = match self.way.besides {
-            Besides::Nothing => None,
-            Besides::Bending => self.bent.get(),
-            Besides::Correcting => self.corrected.get(),
-        };
-        more.and_then(Option::as_deref).unwrap_or(tiled)
+        self.way.besides.and_then(|besides| self.more[besides as usize].get()?.as_deref()).unwrap_or(tiled)
     }
 
     /// Whether a single workgroup is the fastest route for the step of a cloth alone, or of one in a crowd.
