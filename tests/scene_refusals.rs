@@ -7,16 +7,8 @@ mod program;
 use std::fs;
 
 use cloth_deformer::Mesh;
-use program::{drape, fails, run, stderr, succeeds};
+use program::{drape, fails, run, scene, stderr, succeeds};
 use tempfile::TempDir;
-
-/// Runs a scene's text on the CPU in a directory of its own.
-fn scene(text: &str, arguments: &[&str]) -> (TempDir, std::process::Output) {
-    let directory = TempDir::new().unwrap();
-    fs::write(directory.path().join("s.toml"), text).unwrap();
-    let output = run(&directory, &[&["--scene", "s.toml", "--quiet"], arguments].concat());
-    (directory, output)
-}
 
 /// A cloth of 3 x 3 vertices, to which a test adds what it checks.
 const SHEET: &str = "

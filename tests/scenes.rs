@@ -10,20 +10,12 @@ use std::path::{Path, PathBuf};
 
 use cloth_deformer::glam::{Quat, Vec3};
 use cloth_deformer::{Mesh, UpAxis};
-use program::{fails, read_png, run, succeeds};
+use program::{fails, read_png, run, scene, succeeds};
 use serde_json::Value;
 use tempfile::TempDir;
 
 fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes")
-}
-
-/// Runs a scene's text on the CPU in a directory of its own.
-fn scene(text: &str, arguments: &[&str]) -> (TempDir, std::process::Output) {
-    let directory = TempDir::new().unwrap();
-    fs::write(directory.path().join("s.toml"), text).unwrap();
-    let output = run(&directory, &[&["--scene", "s.toml", "--quiet"], arguments].concat());
-    (directory, output)
 }
 
 /// Reads the positions of a frame.

@@ -32,6 +32,14 @@ pub fn run(directory: &TempDir, arguments: &[&str]) -> Output {
     drape(directory, arguments).output().unwrap()
 }
 
+/// Runs a scene's text on the CPU in a directory of its own.
+pub fn scene(text: &str, arguments: &[&str]) -> (TempDir, Output) {
+    let directory = TempDir::new().unwrap();
+    fs::write(directory.path().join("s.toml"), text).unwrap();
+    let output = run(&directory, &[&["--scene", "s.toml", "--quiet"], arguments].concat());
+    (directory, output)
+}
+
 pub fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
