@@ -353,9 +353,9 @@ impl Deformer {
         match &self.engine {
             Engine::Cpu(_) => None,
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => Some(hybrid.adapter()),
+            Engine::Hybrid(hybrid) => Some(hybrid.gpu.name()),
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => Some(gpu.adapter()),
+            Engine::Gpu(gpu) => Some(gpu.gpu.name()),
         }
     }
 

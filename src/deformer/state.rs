@@ -198,7 +198,7 @@ impl Deformer {
     #[must_use]
     pub fn position_buffer(&self) -> Option<&wgpu::Buffer> {
         match &self.engine {
-            Engine::Gpu(gpu) => Some(gpu.position_buffer()),
+            Engine::Gpu(gpu) => Some(&gpu.forces.states[0].x),
             _ => None,
         }
     }

@@ -182,14 +182,6 @@ impl GpuEngine {
         Ok(())
     }
 
-    pub(crate) fn adapter(&self) -> &str {
-        self.gpu.name()
-    }
-
-    pub(crate) fn position_buffer(&self) -> &wgpu::Buffer {
-        &self.forces.states[0].x
-    }
-
     /// Submits a step. Returns before it is done, unless it [waits](GpuEngine::waits_for).
     pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<(), Failure> {
         self.check_whole()?;

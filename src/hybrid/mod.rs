@@ -38,7 +38,7 @@ use crate::step::plan::Plan;
 /// A cloth whose state is in the CPU's memory and whose forces are computed on the GPU.
 #[derive(Debug)]
 pub(crate) struct Hybrid {
-    gpu: Gpu,
+    pub gpu: Gpu,
     forces: Forces,
     exchange: Exchange,
     /// The mapped buffers between steps.
@@ -71,10 +71,6 @@ impl Hybrid {
                 cpu: Cpu::new(cloth),
             })
         })
-    }
-
-    pub(crate) fn adapter(&self) -> &str {
-        self.gpu.name()
     }
 
     /// The cloth on the CPU, to be changed: the next step sends its state anew.
