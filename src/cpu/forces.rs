@@ -7,11 +7,12 @@ use glam::Vec3A;
 use crate::cpu::bend_filter::{Filter, FilterArrays, FilterMoments, TrialDisplacements};
 use crate::cpu::force_batches::{PanelBatches, RingBatches};
 use crate::cpu::force_loops::{BendForces, BendMoments, DampedMoments, PanelForces};
-use crate::cpu::partition::{distinct, tile_with};
+use crate::cpu::partition::tile_with;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::kernels::integrate::{pin_displacement, xyz};
 use crate::kernels::params::Substep;
 use crate::kernels::spring::spring_force;
+use crate::model::csr::distinct;
 use crate::options::Method;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{self, Width};
@@ -89,7 +90,8 @@ impl ForceArrays {
             let panels = &plan.cloth.panels().panels;
             self.panels = PanelBatches::new(plan.cloth, panels, width.lanes());
             let corners = panels.chunks(GRAIN).map(|panels| panels.iter().flat_map(|panel| panel.corners));
-            self.panel_tiles = corners.map(|corners| distinct(corners.map(|vertex| tile_with(tiles, vertex)))).collect();
+            self.panel_tiles =
+                corners.map(|corners| distinct(corners.map(|vertex| tile_with(tiles, vertex)).collect())).collect();
         }
     }
 

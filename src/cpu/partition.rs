@@ -17,6 +17,7 @@
 use std::ops::Range;
 
 use crate::model::cloth::Cloth;
+use crate::model::csr::distinct;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 use crate::simd;
@@ -62,14 +63,6 @@ pub(crate) struct Piece {
 /// The tile with a vertex; `tiles` are ascending ranges.
 pub(crate) fn tile_with(tiles: &[Range<u32>], vertex: u32) -> u32 {
     tiles.partition_point(|tile| tile.end <= vertex) as u32
-}
-
-/// The numbers in ascending order, each once.
-pub(crate) fn distinct(numbers: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut numbers: Vec<u32> = numbers.collect();
-    numbers.sort_unstable();
-    numbers.dedup();
-    numbers
 }
 
 /// Inserts a tile into a short sorted list, unless it is there.
@@ -261,7 +254,7 @@ fn give_vertices(
     for (pieces, given) in rounds.iter_mut().zip(given) {
         for (piece, given) in pieces.iter_mut().zip(given) {
             let ends = piece.edges.iter().flat_map(|&place| links[place as usize].ends);
-            piece.touches = distinct(ends.chain(given.iter().copied()).map(|vertex| tile_of[vertex as usize]));
+            piece.touches = distinct(ends.chain(given.iter().copied()).map(|vertex| tile_of[vertex as usize]).collect());
             piece.touches.shrink_to_fit();
             piece.vertices = runs(given.into_iter());
         }

@@ -4,9 +4,10 @@
 use std::ops::Range;
 
 use crate::cpu::coarse::Coarse;
-use crate::cpu::partition::{Partition, distinct, tile_with};
+use crate::cpu::partition::{Partition, tile_with};
 use crate::cpu::stages::{Stage, Terms, prologue, stages};
 use crate::cpu::tasks::scheduler::{Graph, PassTasks};
+use crate::model::csr::distinct;
 use crate::simd::MAX_LANES;
 
 /// What the tasks of a stage iterate over.
@@ -188,7 +189,7 @@ impl Resources<'_> {
             return vec![self.count() as u32 - 1];
         }
         let first = self.first_of_level(level) as u32;
-        distinct(aggregates.map(|aggregate| first + tile_with(&self.coarse.partition(level).tiles, aggregate)))
+        distinct(aggregates.map(|aggregate| first + tile_with(&self.coarse.partition(level).tiles, aggregate)).collect())
     }
 
     /// The resources that each task of a pass accesses.

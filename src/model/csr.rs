@@ -4,6 +4,13 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
+/// Items in ascending order, each once.
+pub(crate) fn distinct<T: Ord>(mut items: Vec<T>) -> Vec<T> {
+    items.sort_unstable();
+    items.dedup();
+    items
+}
+
 /// The place of one row in the array: items `start..end`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::record::{Recorded, Tape, Unreadable};
 
 /// A triangle mesh: vertex positions (m) and vertex indices, three a triangle.
@@ -180,11 +180,8 @@ fn to_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
 /// Each edge of some triangles once, sorted.
 pub(crate) fn edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     // Packed into one integer, edges sort faster than as pairs.
-    let mut edges: Vec<u64> =
-        triangles.iter().flat_map(|&triangle| sides(triangle)).map(|[i, j]| u64::from(i) << 32 | u64::from(j)).collect();
-    edges.sort_unstable();
-    edges.dedup();
-    edges.into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect()
+    let edges = triangles.iter().flat_map(|&triangle| sides(triangle)).map(|[i, j]| u64::from(i) << 32 | u64::from(j));
+    distinct(edges.collect::<Vec<u64>>()).into_iter().map(|edge| [(edge >> 32) as u32, edge as u32]).collect()
 }
 
 /// For each vertex whether it has any of the edges.

@@ -108,7 +108,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::model::cloth::Cloth;
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::model::link::Link;
 use crate::model::mesh::has_edges;
 use crate::multigrid::aggregation::{Aggregate, Bisection, holding};
@@ -182,10 +182,8 @@ impl Hierarchy {
             let aggregates = merged(&last, &label, count);
             let moved = pairs.iter().map(|pair| pair.map(|item| label[item as usize]));
             let moved = moved.map(|[a, b]| [a.min(b), a.max(b)]);
-            pairs =
-                moved.filter(|[a, b]| a != b && !(aggregates[*a as usize].pinned && aggregates[*b as usize].pinned)).collect();
-            pairs.sort_unstable();
-            pairs.dedup();
+            let is_swept = |[a, b]: &[u32; 2]| a != b && !(aggregates[*a as usize].pinned && aggregates[*b as usize].pinned);
+            pairs = distinct(moved.filter(is_swept).collect());
             // Vertices and pieces without edges to others, of which a mesh may have any number, do not count: there is nothing
             // to correct.
             let joined_before = std::mem::replace(&mut joined, joined_by(&pairs, count));

@@ -11,6 +11,7 @@ use crate::contact::detection::rows::Rows;
 use crate::contact::ranges::Ranges;
 use crate::contact::workers::Workers;
 use crate::kernels::pair::Kind;
+use crate::model::csr::distinct;
 
 /// The position of a vertex that is not known: see [`Contacts::x`].
 const UNKNOWN: Vec4 = Vec4::NEG_ONE;
@@ -51,10 +52,8 @@ impl Contacts {
         let Contacts { order, place, numbered, portions, used, x, acting, .. } = self;
         let added = lists.iter().zip(*numbered).flat_map(|(rows, numbered)| &rows.pairs[numbered..]);
         let is_new = |vertex: &u32| order.get(place[*vertex as usize].load(Ordering::Relaxed) as usize) != Some(vertex);
-        let mut new: Vec<u32> = added.flat_map(|pair| pair.corners).filter(is_new).collect();
+        let new: Vec<u32> = distinct(added.flat_map(|pair| pair.corners).filter(is_new).collect());
         if !new.is_empty() {
-            new.sort_unstable();
-            new.dedup();
             let mut count = new.len();
             let mut shifted = vec![0; order.len()];
             order.resize(order.len() + count, 0);

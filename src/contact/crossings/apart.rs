@@ -11,6 +11,7 @@ use glam::{DVec3, Vec4};
 use super::overlaps::{Span, box_around, overlaps};
 use super::touches::Touches;
 use super::{Features, pierced};
+use crate::model::csr::distinct;
 use crate::model::mesh::along;
 
 /// The distance (m) of what was moved apart, in units of the distance that counts as touching: so much that single
@@ -74,9 +75,7 @@ pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
             break;
         }
     }
-    let mut moved: Vec<u32> = pairs.iter().flat_map(|pair| pair.corners).collect();
-    moved.sort_unstable();
-    moved.dedup();
+    let moved: Vec<u32> = distinct(pairs.iter().flat_map(|pair| pair.corners).collect());
     let place = |vertex: u32| (vertex, x[vertex as usize].as_vec3().extend(features.x[vertex as usize].w));
     moved.into_iter().filter(|&vertex| features.x[vertex as usize].w > 0.0).map(place).collect()
 }
@@ -85,9 +84,7 @@ pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
 fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Vec<Pair> {
     let Features { edges, triangles, .. } = features;
     let at = |vertex: u32| x[vertex as usize];
-    let mut vertices: Vec<u32> = triangles.iter().flatten().copied().collect();
-    vertices.sort_unstable();
-    vertices.dedup();
+    let vertices: Vec<u32> = distinct(triangles.iter().flatten().copied().collect());
     let of_vertices: Vec<Span> = vertices.iter().map(|&vertex| box_around(&[at(vertex)], reach)).collect();
     let of_edges: Vec<Span> = edges.iter().map(|ends| box_around(&ends.map(at), 0.5 * reach)).collect();
     let of_triangles: Vec<Span> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();

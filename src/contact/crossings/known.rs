@@ -10,6 +10,7 @@ use crate::contact::contacts::pinches::Pinched;
 use crate::contact::surface::Surface;
 use crate::contact::surface::pairs::{Listed, crossing_of};
 use crate::kernels::pair::Kind;
+use crate::model::csr::distinct;
 use crate::model::mesh::bounds;
 use crate::options::Crossing;
 
@@ -100,10 +101,8 @@ impl KnownCrossings {
 
     /// Whether anything intersects the features at some vertices of the cloth, or merely touches them. If these are many, it is not
     /// found out.
-    fn cross_around(posed: Posed<'_>, mut vertices: Vec<u32>) -> bool {
-        let surface = posed.surface;
-        vertices.sort_unstable();
-        vertices.dedup();
+    fn cross_around(posed: Posed<'_>, vertices: Vec<u32>) -> bool {
+        let (surface, vertices) = (posed.surface, distinct(vertices));
         if vertices.is_empty() || MANY * vertices.len() > surface.cloth_vertices() {
             return !vertices.is_empty();
         }
@@ -201,12 +200,8 @@ fn kinematic_features(surface: &Surface, x: &[Vec4]) -> (Vec<[u32; 2]>, Vec<[u32
     let mut edges: Vec<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
     edges.retain(|&edge| is_kinematic(&surface.edges[edge as usize]));
     triangles.retain(|&triangle| is_kinematic(&surface.triangles[triangle as usize]));
-    [&mut edges, &mut triangles].into_iter().for_each(|of| {
-        of.sort_unstable();
-        of.dedup();
-    });
-    let edges = edges.into_iter().map(|edge| surface.edges[edge as usize]);
-    let triangles = triangles.into_iter().map(|triangle| surface.triangles[triangle as usize]);
+    let edges = distinct(edges).into_iter().map(|edge| surface.edges[edge as usize]);
+    let triangles = distinct(triangles).into_iter().map(|triangle| surface.triangles[triangle as usize]);
     (edges.collect(), triangles.collect())
 }
 

@@ -7,6 +7,8 @@
 
 use glam::Vec4;
 
+use crate::model::csr::distinct;
+
 /// At most this many times as many splits as triangles are made. More arise only in meshes where hundreds of triangles share sides.
 const MOST_SPLITS: usize = 4;
 /// Most corners of caps on the same side that are considered.
@@ -16,12 +18,10 @@ const MOST_ON_SIDE: usize = 16;
 /// too many splits, all of them.
 pub(super) fn without_caps(triangles: &[[u32; 3]], rest: &[Vec4], least: f64) -> Vec<[u32; 3]> {
     let caps = triangles.iter().filter_map(|&triangle| cap(triangle, rest, least));
-    let mut caps: Vec<[u32; 3]> = caps.collect();
+    let caps: Vec<[u32; 3]> = distinct(caps.collect());
     if caps.is_empty() {
         return triangles.to_vec();
     }
-    caps.sort_unstable();
-    caps.dedup();
     // Any two of the points on a side, and the point after the first.
     let mut splits: Vec<[u32; 3]> = Vec::new();
     for on_side in caps.chunk_by(|one, other| one[..2] == other[..2]) {

@@ -3,6 +3,7 @@
 use crate::device::Gpu;
 use crate::gpu::stage::lanes;
 use crate::gpu::tiles::{IN_LEVEL_TILE, Tiles};
+use crate::model::csr::distinct;
 use crate::multigrid::hierarchy::Level;
 
 /// For each tile one of the level, whose own aggregates are those of the tile's vertices; and the tiles with their vertices'
@@ -10,12 +11,7 @@ use crate::multigrid::hierarchy::Level;
 /// invocations.
 pub(crate) fn with_level(gpu: &Gpu, tiles: &Tiles, level: &Level) -> Option<(Tiles, Tiles)> {
     let lists: Vec<&[u32]> = tiles.lists().collect();
-    let aggregates = |list: &&[u32]| {
-        let mut labels: Vec<u32> = list.iter().map(|&vertex| level.label[vertex as usize]).collect();
-        labels.sort_unstable();
-        labels.dedup();
-        labels
-    };
+    let aggregates = |list: &&[u32]| distinct(list.iter().map(|&vertex| level.label[vertex as usize]).collect());
     let own: Vec<Vec<u32>> = lists.iter().map(aggregates).collect();
     let room = gpu.workgroup_memory() / IN_LEVEL_TILE;
     let of_level = Tiles::around(&own, level.inverse_mass.len(), &level.links, &level.colors, room)?;

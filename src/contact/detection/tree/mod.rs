@@ -13,7 +13,7 @@ use glam::Vec3A;
 use crate::contact::surface::normals::in_one_cone;
 use crate::contact::surface::{Leaves, Surface};
 use crate::kernels::integrate::xyz;
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::model::disjoint_sets::DisjointSets;
 pub(crate) use walk::Walk;
 
@@ -124,8 +124,7 @@ impl Tree {
             pairs.extend(leaves.iter().flat_map(|&a| leaves.iter().map(move |&b| [a, b])).filter(|[a, b]| a != b));
         }
         for level in (0..=tree.leaves.depth).rev() {
-            pairs.sort_unstable();
-            pairs.dedup();
+            pairs = distinct(pairs);
             tree.beside.push(Csr::new(1 << level, pairs.iter().map(|&[a, b]| (a, b))));
             pairs.iter_mut().for_each(|pair| *pair = pair.map(|node| node >> 1));
             pairs.retain(|[a, b]| a != b);
@@ -138,8 +137,7 @@ impl Tree {
         for (vertex, &excess) in surface.excess.iter().enumerate().filter(|(_, excess)| **excess > 0.0) {
             let mut nodes: Vec<u32> = around.of(vertex as u32).iter().map(|leaf| leaf + (1 << self.leaves.depth)).collect();
             for _ in 0..=self.leaves.depth {
-                nodes.sort_unstable();
-                nodes.dedup();
+                nodes = distinct(nodes);
                 nodes.iter_mut().for_each(|node| {
                     self.excess[*node as usize] += excess;
                     *node >>= 1;
@@ -196,10 +194,8 @@ fn triangles_around(surface: &Surface, leaves: &Csr<u32>, depth: u32) -> Csr<u32
 }
 
 /// The second numbers of pairs for each first one, in ascending order, each once.
-fn rows_of(rows: usize, mut pairs: Vec<[u32; 2]>) -> Csr<u32> {
-    pairs.sort_unstable();
-    pairs.dedup();
-    Csr::new(rows, pairs.into_iter().map(<(u32, u32)>::from))
+fn rows_of(rows: usize, pairs: Vec<[u32; 2]>) -> Csr<u32> {
+    Csr::new(rows, distinct(pairs).into_iter().map(<(u32, u32)>::from))
 }
 
 #[cfg(test)]
