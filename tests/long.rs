@@ -121,7 +121,7 @@ fn a_flag_in_a_gale_stays_a_flag() {
         air_density: 1.2,
         ..Attributes::default()
     });
-    goes_on("flag", &frames, 30.0, 0.035);
+    goes_on("flag", &frames, 30.0, 0.036);
 }
 
 /// An open cone, used if the skirt's mesh is not available.

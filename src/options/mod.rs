@@ -110,19 +110,15 @@ pub enum Method {
 /// vertices. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
 ///
 /// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack: small swings are
-/// damped, the second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more, a curtain with
-/// bending stiffness gets wrinkles of a centimeter or two, and soft cloth, and fine cloth with too few of its levels, is rolled up by a
-/// light wind from the side. Where that matters, turn them [`Off`](Levels::Off) and take more substeps.
+/// damped, the second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more, and soft cloth,
+/// and fine cloth with too few of its levels, is rolled up by a light wind from the side. Where that matters, turn them
+/// [`Off`](Levels::Off) and take more substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {
     /// As many levels as improve the result for their cost. None if the substeps resolve the stiffness or nearly do, or if
     /// the wind's pressure is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into
     /// small wrinkles. So that gusts do not switch them, they go off at 15 times the weight, and on again below 7.
-    ///
-    /// With [`Quality::Strain`] or [`Quality::Hold`] and no mesh colliders none, either, for pinned cloth with bending stiffness whose
-    /// bending length `(B/(rho g))^(1/3)` is less than an eighth of its extent, if its weight stretches it by less than 3 % with 32
-    /// substeps, and by less than 0.2 % once the stiffness is resolved. Of finer cloth levels save too many substeps.
     ///
     /// On [`Backend::Gpu`] with [`Quality::Strain`] or [`Quality::Hold`] and no contact of triangles: none below 8192 vertices,
     /// because more substeps cost less there; above, only down to the first level with at most 4096 aggregates, because coarser
