@@ -115,8 +115,10 @@ use crate::model::mesh::has_edges;
 use crate::multigrid::aggregation::{Aggregate, Bisection, holding};
 use crate::multigrid::coarse_edges::{Edges, Fiber, PointMasses, Stiffness, two_rings};
 
-/// The coarsest level has at least so many aggregates that are joined by edges.
+/// Levels have at least so many aggregates that are joined by edges, the finest one more: in cloth with fewer it is not worth its
+/// overhead.
 const FEWEST: usize = 2;
+const FEWEST_OF_FINEST: usize = 6;
 /// Sweeps over the edges of a coarser level than the finest, in cloth whose coarse edges undo what others shorten them by
 /// (`distance::project_coarse`), if it has at most [`SMALL`] aggregates: a sixteenth of the work of the sweep over the finest one, or less.
 const SWEEPS: u32 = 4;
@@ -188,7 +190,8 @@ impl Hierarchy {
             // Vertices and pieces without edges to others, of which a mesh may have any number, do not count: there is nothing
             // to correct.
             let joined_before = std::mem::replace(&mut joined, joined_by(&pairs, count));
-            if joined < FEWEST || 3 * joined > 2 * joined_before {
+            let fewest = if index == 0 { FEWEST_OF_FINEST } else { FEWEST };
+            if joined < fewest || 3 * joined > 2 * joined_before {
                 break;
             }
             let members = Csr::new(count, label.iter().enumerate().map(|(item, &aggregate)| (aggregate, item as u32)));
