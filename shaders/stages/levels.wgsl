@@ -20,9 +20,10 @@ override COARSE_WIDTH: u32 = 64u;
 // Number of colors of all levels. Those of each level begin at a multiple of four.
 override COARSE_COLORS: u32 = 4u;
 // Where the levels begin in the table. It holds: for each level the index of its first aggregate, and the total; for
-// each level its first color, and the total; for each level its number of sweeps; for each aggregate its aggregate in the next coarser level; for each level
-// the first members of its aggregates, then their mass shares, then the second members and so on, padded by the first
-// member with share 0; the edges. Aggregates are identified by their index in this order.
+// each level its first color, and the total; for each level its number of sweeps; for each aggregate its aggregate in
+// the next coarser level; for each level the first members of its aggregates, then their mass shares, then the second
+// members and so on, padded by the first member with share 0; the edges. Aggregates are identified by their index in
+// this order.
 override COARSE: u32 = 0u;
 
 struct Item {
