@@ -104,8 +104,8 @@ impl Deformer {
         }
     }
 
-    /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels: on a GPU
-    /// without contact of triangles they take less time.
+    /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels, because they
+    /// take less time on a GPU without contact of triangles, or because levels are off.
     pub(super) fn trades_levels(&self, has_contact: bool, pressure: f64) -> bool {
         let is_fast = self.backend() == Backend::Gpu && !has_contact && self.cloth.used < LEVELS_PAY;
         let may = match self.options.levels {
