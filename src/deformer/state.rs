@@ -167,9 +167,9 @@ impl Deformer {
         let triangles = &self.cloth.triangles;
         let edges = edges(triangles);
         let (x, thickness) = (&self.local, self.options.contact.unwrap_or_default().thickness);
-        let found =
-            Features { edges: &edges, triangles, x, cloth_vertices: x.len(), thickness, is_shared: true }.crossings(|_, _| true);
-        let found = found.map_err(|pairs| StepError::Crowded { pairs })?;
+        let features =
+            Features { edges: &edges, triangles, x, cloth_vertices: x.len(), thickness, has_self_contact: true, is_shared: true };
+        let found = features.crossings().map_err(|pairs| StepError::Crowded { pairs })?;
         let crossing = |&[edge, triangle]: &[u32; 2]| {
             let crossing = Crossing { edge: edges[edge as usize], triangle: triangles[triangle as usize] };
             crossing.named(&self.cloth.order)

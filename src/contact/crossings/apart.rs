@@ -4,13 +4,11 @@
 //! belong follows from [`Touches`]. Each pair is moved apart along the vector between its closest points there, which the
 //! planes perpendicular to it separate.
 
-use std::collections::BTreeSet;
-
 use glam::{DVec3, Vec4};
 
+use super::Features;
 use super::overlaps::{Span, box_around, overlaps};
 use super::touches::Touches;
-use super::{Features, pierced};
 use crate::model::csr::distinct;
 use crate::model::mesh::along;
 
@@ -38,22 +36,22 @@ struct Pair {
 }
 
 /// Moves apart what touches. Returns the vertices that move, with their new positions (m).
-pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Vec<(u32, Vec4)> {
+pub(crate) fn apart(features: Features<'_>) -> Vec<(u32, Vec4)> {
     let (x, normals) = features.in_general_position();
     let mut room = ROOM * features.triangles.len();
-    let found = pierced(features.edges, features.triangles, &x, &mut room, features.is_shared, &may_collide);
+    let found = features.pierced(&x, &mut room);
     if room == 0 {
         return Vec::new();
     }
-    let mut touches = Touches::new(features, x, normals, &may_collide);
+    let mut touches = Touches::new(features, x, normals);
     // What really intersects stays as it is; contact ignores it.
     let crossing = touches.left_out_of(found);
     let ends = crossing.iter().flat_map(|&[edge, _]| features.edges[edge as usize]);
-    let of_crossings: BTreeSet<u32> =
-        ends.chain(crossing.iter().flat_map(|&[_, triangle]| features.triangles[triangle as usize])).collect();
+    let corners = crossing.iter().flat_map(|&[_, triangle]| features.triangles[triangle as usize]);
+    let of_crossings: Vec<u32> = distinct(ends.chain(corners).collect());
     let (mut x, gap) = (touches.x, GAP * features.touching());
-    let mut pairs = pairs(features, &x, gap, &may_collide);
-    pairs.retain(|pair| !pair.corners.iter().any(|vertex| of_crossings.contains(vertex)));
+    let mut pairs = pairs(features, &x, gap);
+    pairs.retain(|pair| !pair.corners.iter().any(|vertex| of_crossings.binary_search(vertex).is_ok()));
     for _ in 0..ROUNDS {
         let mut is_apart = true;
         for &Pair { corners, weights, normal, gap } in &pairs {
@@ -81,7 +79,7 @@ pub(crate) fn apart(features: Features<'_>, may_collide: impl Fn(u32, u32) -> bo
 }
 
 /// The pairs of features that are closer than `reach` (m) at `x` (m).
-fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Vec<Pair> {
+fn pairs(features: Features<'_>, x: &[DVec3], reach: f64) -> Vec<Pair> {
     let Features { edges, triangles, .. } = features;
     let at = |vertex: u32| x[vertex as usize];
     let vertices: Vec<u32> = distinct(triangles.iter().flatten().copied().collect());
@@ -98,7 +96,7 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
     };
     let of_vertex = |vertex: usize, triangle: usize| {
         let (vertex, [a, b, c]) = (vertices[vertex], triangles[triangle]);
-        if !may_collide(vertex, a) || [a, b, c].contains(&vertex) {
+        if !features.may_collide(vertex, a) || [a, b, c].contains(&vertex) {
             return None;
         }
         let [p, q, r] = [a, b, c].map(at);
@@ -108,7 +106,7 @@ fn pairs(features: Features<'_>, x: &[DVec3], reach: f64, may_collide: impl Fn(u
     };
     let of_two_edges = |one: usize, other: usize| {
         let ([a, b], [c, d]) = (edges[one], edges[other]);
-        if one >= other || !may_collide(a, c) || a == c || a == d || b == c || b == d {
+        if one >= other || !features.may_collide(a, c) || a == c || a == d || b == c || b == d {
             return None;
         }
         let [s, t] = closest([at(a), at(b)], [at(c), at(d)]);

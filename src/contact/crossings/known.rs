@@ -1,11 +1,9 @@
 //! The known intersections, and the pairs that contact ignores because of them.
 
-use std::collections::BTreeSet;
-
 use glam::{Vec3, Vec4};
 
+use super::Features;
 use super::apart::apart;
-use super::{Features, pierced};
 use crate::contact::contacts::pinches::Pinched;
 use crate::contact::surface::Surface;
 use crate::contact::surface::pairs::{Listed, crossing_of};
@@ -49,7 +47,7 @@ impl KnownCrossings {
     /// Searches for all intersections: of the cloth with bodies and, if it has contact with itself, of the cloth with itself.
     /// Of cloth that is crammed into one place none is known; detection refuses it.
     pub(crate) fn find(&mut self, posed: Posed<'_>) {
-        let found = posed.features().crossings(|a, b| posed.surface.may_collide(a, b));
+        let found = posed.features().crossings();
         self.take(found.unwrap_or_default(), posed.surface);
         self.are_all = true;
     }
@@ -82,14 +80,13 @@ impl KnownCrossings {
         }
         let known = self.pairs.iter().flat_map(|&pair| corners(pair, surface));
         let [_, triangles] = neighborhood(surface, known.chain(vertices.iter().copied()).collect());
-        let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
-        let (triangles, edges) = (Vec::from_iter(triangles), Vec::from_iter(edges));
+        let edges = sides(surface, &triangles);
         let features = Features {
             edges: &edges.iter().map(|&edge| surface.edges[edge as usize]).collect::<Vec<_>>(),
             triangles: &triangles.iter().map(|&triangle| surface.triangles[triangle as usize]).collect::<Vec<_>>(),
             ..posed.features()
         };
-        let found = features.crossings(|a, b| surface.may_collide(a, b)).unwrap_or_default();
+        let found = features.crossings().unwrap_or_default();
         let found: Vec<[u32; 2]> =
             found.iter().map(|&[edge, triangle]| [edges[edge as usize], triangles[triangle as usize]]).collect();
         let are_new = found != self.pairs;
@@ -106,14 +103,13 @@ impl KnownCrossings {
         if vertices.is_empty() || MANY * vertices.len() > surface.cloth_vertices() {
             return !vertices.is_empty();
         }
-        let triangles: BTreeSet<u32> = vertices.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
-        let edges: BTreeSet<u32> = triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect();
+        let triangles = triangles_around(surface, &vertices);
+        let edges = sides(surface, &triangles);
         let triangles: Vec<[u32; 3]> = triangles.into_iter().map(|triangle| surface.triangles[triangle as usize]).collect();
         let edges: Vec<[u32; 2]> = edges.into_iter().map(|edge| surface.edges[edge as usize]).collect();
         let (x, _) = posed.features().in_general_position();
-        let [of_edges, of_triangles] = [(&edges, &surface.triangles), (&surface.edges, &triangles)].map(|(edges, triangles)| {
-            pierced(edges, triangles, &x, &mut { usize::MAX }, posed.is_shared, |a, b| surface.may_collide(a, b))
-        });
+        let [of_edges, of_triangles] = [(&edges, &surface.triangles), (&surface.edges, &triangles)]
+            .map(|(edges, triangles)| Features { edges, triangles, ..posed.features() }.pierced(&x, &mut { usize::MAX }));
         !(of_edges.is_empty() && of_triangles.is_empty())
     }
 
@@ -134,7 +130,7 @@ impl KnownCrossings {
 
     /// Moves apart what touches exactly. Returns the vertices that move, with their new positions (m).
     pub(crate) fn part_touches(posed: Posed<'_>) -> Vec<(u32, Vec4)> {
-        apart(posed.features(), |a, b| posed.surface.may_collide(a, b))
+        apart(posed.features())
     }
 
     /// Whether anything intersects whose vertices are all kinematic (pins or parts of bodies). Contact cannot hold
@@ -151,8 +147,7 @@ impl KnownCrossings {
         edges.extend(body_edges);
         triangles.extend(body_triangles);
         let features = Features { edges: &edges, triangles: &triangles, ..posed.features() };
-        let may_collide = |a, b| surface.may_collide(a, b);
-        features.are_close(may_collide) && !features.crossings(may_collide).is_ok_and(|found| found.is_empty())
+        features.are_close() && !features.crossings().is_ok_and(|found| found.is_empty())
     }
 
     /// Replaces the intersections.
@@ -167,7 +162,7 @@ impl KnownCrossings {
         }
         self.ignored.iter_mut().for_each(|pairs| pairs.sort_unstable());
         let [near, _] = neighborhood(surface, self.pairs.iter().flat_map(|&pair| corners(pair, surface)).collect());
-        self.entangled = Vec::from_iter(near);
+        self.entangled = near;
     }
 
     /// What intersects, or did in this step: of the cloth with itself, given by vertices, and for each pair of the cloth and a body
@@ -222,13 +217,23 @@ fn bodies_within(surface: &Surface, x: &[Vec4], [low, high]: [Vec3; 2], with_edg
 }
 
 /// The vertices and triangles in some rings around vertices.
-fn neighborhood(surface: &Surface, mut vertices: BTreeSet<u32>) -> [BTreeSet<u32>; 2] {
-    let mut triangles = BTreeSet::new();
+fn neighborhood(surface: &Surface, mut vertices: Vec<u32>) -> [Vec<u32>; 2] {
+    let mut triangles = Vec::new();
     for _ in 0..RINGS {
-        triangles = vertices.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect();
-        vertices = triangles.iter().flat_map(|&triangle: &u32| surface.triangles[triangle as usize]).collect();
+        triangles = triangles_around(surface, &vertices);
+        vertices = distinct(triangles.iter().flat_map(|&triangle| surface.triangles[triangle as usize]).collect());
     }
     [vertices, triangles]
+}
+
+/// The triangles at some vertices of the cloth.
+fn triangles_around(surface: &Surface, vertices: &[u32]) -> Vec<u32> {
+    distinct(vertices.iter().flat_map(|&vertex| surface.at.of(vertex)).copied().collect())
+}
+
+/// The edges of some triangles.
+fn sides(surface: &Surface, triangles: &[u32]) -> Vec<u32> {
+    distinct(triangles.iter().flat_map(|&triangle| surface.sides[triangle as usize]).collect())
 }
 
 /// The vertices of an intersection.
@@ -246,6 +251,7 @@ impl<'a> Posed<'a> {
     fn features(self) -> Features<'a> {
         let Posed { surface, x, is_shared } = self;
         let Surface { edges, triangles, thickness, .. } = surface;
-        Features { edges, triangles, x, cloth_vertices: surface.cloth_vertices(), thickness: *thickness, is_shared }
+        let (cloth_vertices, has_self_contact) = (surface.cloth_vertices(), surface.has_self_contact);
+        Features { edges, triangles, x, cloth_vertices, thickness: *thickness, has_self_contact, is_shared }
     }
 }

@@ -35,11 +35,26 @@ pub(crate) struct Features<'a> {
     pub cloth_vertices: usize,
     /// The thickness (m) of the cloth.
     pub thickness: f32,
+    /// Whether the cloth may intersect itself, or only bodies.
+    pub has_self_contact: bool,
     /// Whether the pool's threads share a search. Not where they step other cloths.
     pub is_shared: bool,
 }
 
 impl Features<'_> {
+    /// Whether an edge and a triangle may intersect: of the cloth and a body, or of the cloth with itself, without a common vertex.
+    fn may_cross(&self, ends: [u32; 2], corners: [u32; 3]) -> bool {
+        self.may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end))
+    }
+
+    /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself.
+    fn may_collide(&self, a: u32, b: u32) -> bool {
+        match [a, b].map(|vertex| (vertex as usize) < self.cloth_vertices) {
+            [true, true] => self.has_self_contact,
+            [a, b] => a || b,
+        }
+    }
+
     /// The distance (m) below which features touch: a small share of the thickness, or what rounding may be, which is that of the
     /// cloth. A mesh collider may be as large as a landscape.
     pub(crate) fn touching(&self) -> f64 {
@@ -59,13 +74,12 @@ impl Features<'_> {
     }
 
     /// Whether boxes around an edge and a triangle that may meet overlap or touch. Where none do, nothing intersects.
-    pub(crate) fn are_close(&self, may_collide: impl Fn(u32, u32) -> bool + Sync) -> bool {
+    pub(crate) fn are_close(&self) -> bool {
         let (at, touching) = (|vertex: u32| self.x[vertex as usize].truncate().as_dvec3(), self.touching());
         let of_edges: Vec<_> = self.edges.iter().map(|ends| box_around(&ends.map(at), touching)).collect();
         let of_triangles: Vec<_> = self.triangles.iter().map(|corners| box_around(&corners.map(at), touching)).collect();
         let close = overlaps(&of_edges, &of_triangles, &mut { usize::MAX }, self.is_shared, &|edge, triangle| {
-            let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
-            may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end))
+            self.may_cross(self.edges[edge], self.triangles[triangle])
         });
         !close.is_empty()
     }
@@ -91,6 +105,20 @@ impl Features<'_> {
         }
         (x, normals)
     }
+
+    /// The pairs of an edge and a triangle that intersect at the positions `x` (m), as indices in sorted order. Stops once `room` for
+    /// pairs of overlapping boxes is used up.
+    pub(crate) fn pierced(&self, x: &[DVec3], room: &mut usize) -> Vec<[u32; 2]> {
+        let at = |vertex: u32| x[vertex as usize];
+        let of_edges: Vec<_> = self.edges.iter().map(|ends| box_around(&ends.map(at), 0.0)).collect();
+        let of_triangles: Vec<_> = self.triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
+        let mut found = overlaps(&of_edges, &of_triangles, room, self.is_shared, &|edge, triangle| {
+            let (ends, corners) = (self.edges[edge], self.triangles[triangle]);
+            self.may_cross(ends, corners) && goes_through(ends.map(at), corners.map(at))
+        });
+        found.sort_unstable();
+        found
+    }
 }
 
 /// A number from -1 to 1 that is determined by another in no simple way (the last steps of Appleby's `MurmurHash3`).
@@ -98,28 +126,6 @@ fn random(mut number: u32) -> f64 {
     number = (number ^ number >> 16).wrapping_add(0x9e37_79b9).wrapping_mul(0x85eb_ca6b);
     number = (number ^ number >> 13).wrapping_mul(0xc2b2_ae35);
     f64::from((number ^ number >> 16) as i32) / f64::from(1_u32 << 31)
-}
-
-/// The pairs of an edge and a triangle that intersect at the positions `x` (m), sorted. Stops once `room` for pairs of
-/// overlapping boxes is used up.
-pub(crate) fn pierced(
-    edges: &[[u32; 2]],
-    triangles: &[[u32; 3]],
-    x: &[DVec3],
-    room: &mut usize,
-    is_shared: bool,
-    may_collide: impl Fn(u32, u32) -> bool + Sync,
-) -> Vec<[u32; 2]> {
-    let at = |vertex: u32| x[vertex as usize];
-    let of_edges: Vec<_> = edges.iter().map(|ends| box_around(&ends.map(at), 0.0)).collect();
-    let of_triangles: Vec<_> = triangles.iter().map(|corners| box_around(&corners.map(at), 0.0)).collect();
-    let mut found = overlaps(&of_edges, &of_triangles, room, is_shared, &|edge, triangle| {
-        let (ends, corners) = (edges[edge], triangles[triangle]);
-        let may_cross = may_collide(ends[0], corners[0]) && !ends.iter().any(|end| corners.contains(end));
-        may_cross && goes_through(ends.map(at), corners.map(at))
-    });
-    found.sort_unstable();
-    found
 }
 
 /// Whether a segment's ends are on different sides of a triangle's plane, and its line passes all sides of the triangle

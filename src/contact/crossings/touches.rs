@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
+use super::Features;
 use super::contours::contours;
 use super::overlaps::{box_around, overlap};
-use super::{Features, pierced};
 
 /// Length of the moves, in units of the distance that counts as touching.
 const MOVE: f64 = 2.0;
@@ -25,22 +25,20 @@ const MAX_PAIRS: [usize; 2] = [10_000_000, 4096];
 const ROOM: [usize; 2] = [1_000_000, 256];
 
 impl Features<'_> {
-    /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. Only
-    /// pairs are tested for which `may_collide` accepts a vertex of each. If there are more than [`MAX_PAIRS`] to test, returns that
-    /// number as an error: detection finds too many pairs then, too.
-    pub(crate) fn crossings(self, may_collide: impl Fn(u32, u32) -> bool + Sync) -> Result<Vec<[u32; 2]>, usize> {
+    /// Finds the pairs of an edge and a triangle that intersect and share no vertex, as indices in sorted order. If there are more
+    /// than [`MAX_PAIRS`] to test, returns that number as an error: detection finds too many pairs then, too.
+    pub(crate) fn crossings(self) -> Result<Vec<[u32; 2]>, usize> {
         let (x, normals) = self.in_general_position();
         let most = MAX_PAIRS[0] + MAX_PAIRS[1] * self.edges.len();
         let mut room = most;
-        let found = pierced(self.edges, self.triangles, &x, &mut room, self.is_shared, &may_collide);
-        if room == 0 { Err(most) } else { Ok(Touches::new(self, x, normals, &may_collide).left_out_of(found)) }
+        let found = self.pierced(&x, &mut room);
+        if room == 0 { Err(most) } else { Ok(Touches::new(self, x, normals).left_out_of(found)) }
     }
 }
 
 /// The search for touches.
-pub(crate) struct Touches<'a, M> {
+pub(crate) struct Touches<'a> {
     features: Features<'a>,
-    may_collide: &'a M,
     /// Positions (m) in general position; what touches is moved apart.
     pub x: Vec<DVec3>,
     /// Unit normals of the vertices.
@@ -53,10 +51,10 @@ pub(crate) struct Touches<'a, M> {
 /// An intersection, and whether it is the edge that is to be moved, or the triangle.
 type Move = ([u32; 2], bool);
 
-impl<'a, M: Fn(u32, u32) -> bool + Sync> Touches<'a, M> {
-    pub(crate) fn new(features: Features<'a>, x: Vec<DVec3>, normals: Vec<DVec3>, may_collide: &'a M) -> Self {
+impl<'a> Touches<'a> {
+    pub(crate) fn new(features: Features<'a>, x: Vec<DVec3>, normals: Vec<DVec3>) -> Self {
         let room = ROOM[0] + ROOM[1] * features.triangles.len();
-        Touches { touching: features.touching(), features, may_collide, x, normals, room }
+        Touches { touching: features.touching(), features, x, normals, room }
     }
 
     /// The intersections that are no touches.
@@ -179,7 +177,8 @@ impl<'a, M: Fn(u32, u32) -> bool + Sync> Touches<'a, M> {
             .collect();
         let ends: Vec<[u32; 2]> = near_edges.iter().map(|&edge| edges[edge as usize]).collect();
         let corners: Vec<[u32; 3]> = near_triangles.iter().map(|&triangle| triangles[triangle as usize]).collect();
-        let found = pierced(&ends, &corners, x, room, false, self.may_collide);
+        let near = Features { edges: &ends, triangles: &corners, is_shared: false, ..self.features };
+        let found = near.pierced(x, room);
         if *room == 0 {
             return None;
         }

@@ -172,14 +172,6 @@ impl Surface {
         self.add(all)
     }
 
-    /// Whether the owners of two vertices can touch: the cloth and a body, or the cloth and itself.
-    pub(crate) fn may_collide(&self, a: u32, b: u32) -> bool {
-        match [a, b].map(|vertex| self.owner[vertex as usize]) {
-            [0, 0] => self.has_self_contact,
-            [a, b] => a == 0 || b == 0,
-        }
-    }
-
     /// The index of the first vertex of bodies, or the number of vertices.
     pub(crate) fn cloth_vertices(&self) -> usize {
         self.owner.iter().position(|&owner| owner > 0).unwrap_or(self.owner.len())

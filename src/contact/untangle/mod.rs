@@ -96,10 +96,9 @@ impl<'a> Tangle<'a> {
     /// The crossings: an edge and a triangle each, at least one of which belongs to the cloth. If there are too many pairs to test,
     /// their number.
     fn crossings(&self) -> Result<Vec<[u32; 2]>, usize> {
-        let is_cloth = |vertex: u32| (vertex as usize) < self.cloth_vertices;
         let Tangle { edges, triangles, x, cloth_vertices, thickness, .. } = self;
-        let features = Features { edges, triangles, x, cloth_vertices: *cloth_vertices, thickness: *thickness, is_shared: true };
-        features.crossings(|a, b| is_cloth(a) || is_cloth(b))
+        let (cloth_vertices, thickness) = (*cloth_vertices, *thickness);
+        Features { edges, triangles, x, cloth_vertices, thickness, has_self_contact: true, is_shared: true }.crossings()
     }
 
     fn at(&self, vertex: u32) -> Vec3A {
