@@ -165,6 +165,14 @@ fn impulse(held: Multipliers, normal: vec3f) -> vec3f {
     return normal * held.lambda_n + held.lambda_t;
 }
 
+// The distance [m] at which the response holds a pair apart, given the weights of its kinematic corners, and 0 for the others.
+fn held_distance(thickness: f32, kinematic: vec4f) -> f32 {
+    let first = max(kinematic, vec4f());
+    let second = max(-kinematic, vec4f());
+    let both = min((first.x + first.y) + (first.z + first.w), (second.x + second.y) + (second.z + second.w));
+    return thickness * max(1.0 - both, 0.0);
+}
+
 // The correction [m] of a pair that is too close by `depth` [m]: in proportion to what it is beyond the slack, and at
 // most `most` [m].
 fn separation(depth: f32, thickness: f32, most: f32) -> f32 {

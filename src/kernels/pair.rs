@@ -234,6 +234,20 @@ pub(crate) fn impulse<L: Lanes>((lambda_t, lambda_n): (Vector<L>, L), normal: Ve
     normal.mul_add(lambda_n, lambda_t)
 }
 
+/// The distance (m) at which the response holds a pair apart, given the weights of its kinematic corners, and 0 for the others.
+///
+/// Nothing moves kinematic corners of both sides apart (of a pin and a mesh collider, say), however close they are. So it is the
+/// distance of the closest points that free corners a thickness away leave if the kinematic ones touch, on the side on which it is
+/// more. A whole thickness would demand of a free corner that it moves by a thickness over its weight, which is any distance next to
+/// a pin. It would be corrected by that much in every substep, and the edges would take it back as a velocity, without end.
+#[inline(always)]
+pub(crate) fn held_distance<L: Lanes>(thickness: L, [a, b, c, d]: [L; 4]) -> L {
+    let zero = L::splat(0.0);
+    let first = (a.max(zero) + b.max(zero)) + (c.max(zero) + d.max(zero));
+    let second = ((zero - a).max(zero) + (zero - b).max(zero)) + ((zero - c).max(zero) + (zero - d).max(zero));
+    thickness * (L::splat(1.0) - first.min(second)).max(zero)
+}
+
 /// The correction (m) of a pair that is too close by `depth` (m), in a substep in which it may be `most` (m). It is
 /// proportional to the depth, so that cloth which is squeezed between two things comes to lie in the middle.
 ///

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Kind, closest, edge_edge, impulse, perpendicular, separation, step_of_lambda, vertex_triangle};
+use super::{Kind, closest, edge_edge, held_distance, impulse, perpendicular, separation, step_of_lambda, vertex_triangle};
 use crate::simd::Vector;
 
 fn lanes(x: [DVec3; 4]) -> [Vector<f32>; 4] {
@@ -100,6 +100,30 @@ fn corrections_balance_in_the_middle() {
             let off = below - 0.5 * between;
             assert!(off.abs() < 1e-6 || (up - down) * off < 0.0, "{below} m above one: {up} up, {down} down");
         }
+    }
+}
+
+/// Corners in two parallel planes, where kinematic ones of both sides touch: with the free ones of a side a thickness away from the
+/// other side, the closest points are as far apart as they are held. Without kinematic corners on both sides it is the thickness.
+#[test]
+fn kinematic_corners_that_touch_are_not_held_apart() {
+    let mut random = fastrand::Rng::with_seed(1);
+    for k in 0..1000 {
+        let (kind, thickness) = (Kind::ALL[k % 2], 0.005_f32);
+        let [s, t] = [random.f32(), random.f32()];
+        let weights = match kind {
+            Kind::VertexTriangle => kind.weights(-s * t, -s * (1.0 - t)),
+            Kind::EdgeEdge => kind.weights(s, -t),
+        };
+        let is_kinematic = [(); 4].map(|()| random.bool());
+        let kinematic = [0, 1, 2, 3].map(|k| if is_kinematic[k] { weights[k] } else { 0.0 });
+        // The sum of the free weights of a side, and so of the heights of these corners.
+        let raised = |side: std::ops::Range<usize>| side.filter(|&k| !is_kinematic[k]).map(|k| weights[k].abs()).sum::<f32>();
+        let by_either = [0..kind.first_side(), kind.first_side()..4].map(|side| thickness * raised(side));
+        let (held, expected) = (held_distance(thickness, kinematic), by_either[0].max(by_either[1]));
+        assert!((held - expected).abs() < 1e-6 * thickness, "{kind:?} {weights:?} {is_kinematic:?}: {held}, not {expected}");
+        let all_free = [0.0; 4];
+        assert_eq!(held_distance(thickness, all_free).to_bits(), thickness.to_bits());
     }
 }
 

@@ -71,3 +71,9 @@ fn acting_pairs(lane: u32) -> u32 {
 fn inverse_masses(corners: vec4u) -> vec4f {
     return vec4f(vertices[corners.x].u.w, vertices[corners.y].u.w, vertices[corners.z].u.w, vertices[corners.w].u.w);
 }
+
+// By how much [m] the sides of a near pair are farther from each other than they are held, given inverse masses; below 0 if they are
+// too close.
+fn room_of(n: Near, w: vec4f) -> f32 {
+    return n.distance - held_distance(n.thickness, select(n.weights, vec4f(), w > vec4f()));
+}

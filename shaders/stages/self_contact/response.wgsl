@@ -112,7 +112,7 @@ fn warm_start_pair(k: u32) {
     }
     let rate = RELAXATION / bound;
     set_rate(k, rate);
-    var held = n.lambda * (warm_share(max(n.thickness - n.distance, 0.0), n.thickness) * contact_state.status.scale);
+    var held = n.lambda * (warm_share(max(-room_of(n, w), 0.0), n.thickness) * contact_state.status.scale);
     held -= vec4f(n.normal * dot(n.normal, held.xyz), 0.0);
     let most = vec4f(MOST * contact_params.thickness * rate);
     held = clamp(held, -most, most);
@@ -130,11 +130,11 @@ fn bound_of(n: Near, w: vec4f) -> f32 {
 // Adds the correction that separates a pair that is too close.
 fn push_pair(k: u32) {
     let n = near_at(k);
-    let depth = separation(max(n.thickness - n.distance, 0.0), n.thickness, DEPENETRATION * params.h);
+    let w = inverse_masses(n.corners);
+    let depth = separation(max(-room_of(n, w), 0.0), n.thickness, DEPENETRATION * params.h);
     if depth == 0.0 {
         return;
     }
-    let w = inverse_masses(n.corners);
     let bound = bound_of(n, w);
     if bound > 0.0 {
         add_impulse(n.corners, w, PUSHED, n.weights, n.normal * (depth / bound));
@@ -169,13 +169,14 @@ fn step_pair(k: u32) {
     let d = vertices[n.corners.w].u;
     let relative = between(n.weights, Four(a.xyz, b.xyz, c.xyz, d.xyz));
     let held = Multipliers(n.lambda.xyz, n.lambda.w);
-    let gap = max(n.distance - n.thickness, 0.0);
+    let w = vec4f(a.w, b.w, c.w, d.w);
+    let gap = max(room_of(n, w), 0.0);
     let wanted = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
     let most = vec4f(MOST * contact_params.thickness * n.rate);
     let now = clamp(vec4f(wanted.lambda_t, wanted.lambda_n), n.lambda - most, n.lambda + most);
     set_lambda(k, now);
     let more = now - n.lambda;
-    add_impulse(n.corners, vec4f(a.w, b.w, c.w, d.w), IMPULSE, n.weights, impulse(Multipliers(more.xyz, more.w), n.normal));
+    add_impulse(n.corners, w, IMPULSE, n.weights, impulse(Multipliers(more.xyz, more.w), n.normal));
 }
 
 @compute @workgroup_size(WORKGROUP)

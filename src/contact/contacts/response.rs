@@ -13,7 +13,7 @@ use crate::contact::surface::lanes::{corners_of, number, scattered, store, store
 use crate::contact::vertices::Collide;
 use crate::kernels::contact::DEPENETRATION;
 use crate::kernels::integrate::xyz;
-use crate::kernels::pair::{RELAXATION, between, impulse, separation, step_of_lambda, warm_share};
+use crate::kernels::pair::{RELAXATION, between, held_distance, impulse, separation, step_of_lambda, warm_share};
 use crate::simd::{self, Loop, MAX_LANES, Registers, Vector};
 
 /// Iterations of the response per second, but at least and at most so many per substep. A stack's weight spreads by about a sheet
@@ -110,18 +110,23 @@ impl Loop for WarmStart<'_> {
         for (index, (impulses, pushes)) in lanes.enumerate() {
             let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);
             let (group, lanes) = (&mut groups[of], first..first + L::LANES);
-            let mut shares = [zero; 4];
+            let (mut shares, mut kinematic) = ([zero; 4], [zero; 4]);
             for k in 0..4 {
                 let mut mobile = [0.0; MAX_LANES];
                 for (mobile, corners) in mobile.iter_mut().zip(&group.block.corners[lanes.clone()]) {
                     *mobile = mobility[corners[k] as usize];
                 }
-                shares[k] = number::<L>(&mobile, 0) * number::<L>(&weights[of].0[k], first).abs();
+                let (mobile, weight) = (number::<L>(&mobile, 0), number::<L>(&weights[of].0[k], first));
+                shares[k] = mobile * weight.abs();
+                kinematic[k] = L::select(zero.lt(mobile), zero, weight);
             }
             let bound = (shares[0] + shares[1]) + (shares[2] + shares[3]);
             let is_held = zero.lt(bound);
             let rate = L::select(is_held, L::splat(RELAXATION) / bound, zero);
-            let (depth, thickness) = (number::<L>(&group.depth, first), number::<L>(&group.thickness, first));
+            let (distance, thickness) = (number::<L>(&group.distance, first), number::<L>(&group.thickness, first));
+            let gap = distance - held_distance(thickness, kinematic);
+            let depth = (zero - gap).max(zero);
+            store(&mut group.gap[lanes.clone()], gap.max(zero));
             let scale = scale * warm_share(depth, thickness);
             let (lambda_t, lambda_n) = (vector::<L>(&group.lambda_t, first) * scale, number::<L>(&group.lambda_n, first) * scale);
             let normal = vector::<L>(&group.block.normal, first);

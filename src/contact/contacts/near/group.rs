@@ -37,12 +37,13 @@ pub(crate) struct Group {
     pub opposite: [[u32; 4]; MAX_LANES],
     /// Indices in the list.
     pub listed: [u32; MAX_LANES],
-    /// The distance (m) at which they are held apart.
+    /// The distance (m) at which they are held apart, unless [kinematic corners](crate::kernels::pair::held_distance) leave less, and
+    /// that at the start.
     pub thickness: [f32; MAX_LANES],
+    pub distance: [f32; MAX_LANES],
     pub friction: [f32; MAX_LANES],
-    /// The distance (m) by which they may approach, and the depth (m) at the start.
+    /// By how much (m) they may approach.
     pub gap: [f32; MAX_LANES],
-    pub depth: [f32; MAX_LANES],
     /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
     pub rate: [f32; MAX_LANES],
     /// Multipliers (kg m): for friction, and along the normal.
@@ -65,9 +66,9 @@ impl Default for Group {
             listed: [0; MAX_LANES],
             count: 0,
             thickness: zero,
+            distance: zero,
             friction: zero,
             gap: zero,
-            depth: zero,
             rate: zero,
             lambda_t: [zero; 3],
             lambda_n: zero,
@@ -111,7 +112,8 @@ impl Group {
 
     /// How many pairs with a kinematic corner are squeezed.
     pub(crate) fn squeezed(&self, is_kinematic: impl Fn(u32) -> bool) -> usize {
-        let lanes = (0..self.count as usize).filter(|&lane| self.depth[lane] > SQUEEZED * self.thickness[lane]);
+        let depth = |lane: usize| self.thickness[lane] - self.distance[lane];
+        let lanes = (0..self.count as usize).filter(|&lane| depth(lane) > SQUEEZED * self.thickness[lane]);
         lanes.filter(|&lane| self.block.corners[lane].into_iter().any(&is_kinematic)).count()
     }
 

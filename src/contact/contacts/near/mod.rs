@@ -236,9 +236,7 @@ impl Loop for FindAgain<'_> {
                 for (to, weights) in to.0.iter_mut().zip(weights) {
                     store(&mut to[lanes.clone()], L::select(acts, weights, zero));
                 }
-                let gap = L::select(acts, proximity.distance - thickness, zero);
-                store(&mut group.gap[lanes.clone()], gap.max(zero));
-                store(&mut group.depth[lanes.clone()], (zero - gap).max(zero));
+                store(&mut group.distance[lanes.clone()], L::select(acts, proximity.distance, thickness));
                 let lambda_t = Vector::<L>::select(acts, vector(&group.lambda_t, first), Vector::zero());
                 store_vector(&mut group.lambda_t, first, lambda_t);
                 let lambda_n = L::select(acts, number(&group.lambda_n, first), zero);
