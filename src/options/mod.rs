@@ -187,7 +187,8 @@ pub enum Tethers {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same
-    /// piece of cloth are closer than twice this at rest, they are held at half of their distance at rest.
+    /// piece of cloth are closer than twice this at rest, they are held at half of their distance at rest. Towards pins it tapers to
+    /// nothing, so that cloth beside pins that are closer than this to a mesh collider, or to pins of other cloth, comes to rest.
     ///
     /// At least 1e-4 of the cloth's size, since positions in single precision keep no smaller distance; below 2e-4, a heap needs
     /// over a hundred substeps. At most half of the cloth's size. [`Deformer::new`](crate::Deformer::new) also refuses it if on average
