@@ -74,12 +74,16 @@ impl TriangleContact {
             crosses: !self.crossings.pairs.is_empty(),
         };
         paths.adapt(path, last, surface, MIN_MARGIN * surface.thickness, floats);
+        let is_covered = !path.margin.is_empty();
+        if is_covered {
+            paths.cover(path.margin);
+        }
         if bodies.are_still {
             paths.margin[bodies.first..].fill(0.0);
         }
         self.contacts.store_multipliers(lists, path.workers);
         detection.mark_pressed(lists, path.x);
-        paths.begin(path.x, path.u, &detection.pressed, surface);
+        paths.begin(path.x, path.u, if is_covered { &[] } else { &detection.pressed }, surface);
         self.crossings.search(Posed { surface, x: path.x, is_shared: path.workers.count() > 1 }, &[]);
         let input = detection_input(surface, bodies.are_known, paths, path.workers, width);
         bodies.are_known = bodies.are_still;

@@ -59,8 +59,9 @@ mod workers;
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec3A, Vec4};
 
+use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
@@ -132,6 +133,8 @@ pub(crate) struct TriangleContact {
     push: Pushes,
     /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
+    /// Whether all pairs are listed that may meet wherever on their ways contact stops vertices, which are several times as many.
+    pub covers_stops: bool,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
     /// The number of pairs if there were too many; 0 otherwise.
@@ -162,6 +165,7 @@ impl TriangleContact {
             kinematics_moved: false,
             push: Pushes::default(),
             max_carry: 0.0,
+            covers_stops: false,
             h: 0.0,
             too_many: 0,
             tally: Tally::default(),
@@ -220,7 +224,9 @@ impl TriangleContact {
         // Vertices that jump this far out of a collider may jump over others.
         self.crossings.are_all &= self.push.most <= self.surface.thickness;
         let common_motion = self.bodies.common_motion(plan, x, u, self.surface.thickness);
-        if !self.list(context, x, u, common_motion.is_none()) {
+        let (by, margin) = if self.covers_stops { self.ways(plan, x, u, common_motion) } else { Default::default() };
+        let by = if self.covers_stops { &by } else { &*u };
+        if !self.list(context, Path { x, u: by, margin: &margin, workers }, common_motion.is_none()) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
@@ -241,17 +247,32 @@ impl TriangleContact {
 
     /// Lists pairs unless all vertices are still close to the paths that the list was made for. Returns false if that is
     /// impossible: see [`TriangleContact::detect`].
-    fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, x: &[Vec4], u: &[Vec4], floats: bool) -> bool {
-        let path = Path { x, u, margin: &[], workers };
-        let moving = if self.bodies.are_still { self.bodies.first } else { x.len() };
-        let moving_path =
-            Path { x: &x[..moving], u: &u[..moving], workers: workers.for_items(moving, VERTICES_OF_THREAD), ..path };
+    fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, path: Path<'_>, floats: bool) -> bool {
+        let moving = if self.bodies.are_still { self.bodies.first } else { path.x.len() };
+        let workers = workers.for_items(moving, VERTICES_OF_THREAD);
+        let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], workers, ..path };
         if !self.paths.are_followed(moving_path, floats, width) && !self.detect(path, moving, floats, width) {
             return false;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);
         self.tally.listed = self.lists.iter().map(|rows| rows.pairs.len() as u32).sum();
         true
+    }
+
+    /// Paths that cover all places at which contact may stop the vertices in this substep: the common motion, and how far (m) each
+    /// vertex is about to get from it. What is kinematic does not leave its own.
+    fn ways(&self, plan: &Plan<'_>, x: &[Vec4], u: &[Vec4], common_motion: Option<CommonMotion>) -> (Vec<Vec4>, Vec<f32>) {
+        let common_motion = common_motion.unwrap_or_else(|| CommonMotion::of(momentum::mean(plan.cloth, u)));
+        let push = self.push.of_vertices();
+        let way = |(vertex, (x, u)): (usize, (&Vec4, &Vec4))| {
+            if x.w == 0.0 {
+                return (*u, 0.0);
+            }
+            let by = common_motion.at(xyz(*x));
+            let push = push.get(vertex).map_or(Vec3A::ZERO, |&push| xyz(push));
+            (by.extend(0.0), (xyz(*u) + push - by).length() + self.surface.allowance[vertex])
+        };
+        x.iter().zip(u).enumerate().map(way).unzip()
     }
 
     /// Holds the listed pairs apart that come near, and pushes all vertices out of colliders. Returns false, and does neither, if none

@@ -35,6 +35,8 @@ pub(crate) struct KnownCrossings {
     /// pinched, and around vertices that `drifted`: contact led them off their paths in this step.
     pub are_all: bool,
     pub drifted: Vec<u32>,
+    /// Whether vertices drifted in this step so that something may have got through, where nothing crossed before.
+    may_have_arisen: bool,
     /// Pairs of an edge and a triangle that have moved through each other in this step, sorted. They need not intersect any more.
     through: Vec<[u32; 2]>,
     /// Ignored pairs of a vertex and a triangle, and of two edges, sorted.
@@ -64,7 +66,10 @@ impl KnownCrossings {
     /// Looks around the vertices that drifted. Returns whether the known intersections are all that there are.
     pub(crate) fn look_around(&mut self, posed: Posed<'_>) -> bool {
         let drifted = std::mem::take(&mut self.drifted);
-        self.are_all = self.are_all && !KnownCrossings::cross_around(posed, drifted);
+        if self.are_all && KnownCrossings::cross_around(posed, drifted) {
+            self.are_all = false;
+            self.may_have_arisen |= self.pairs.is_empty() && self.through.is_empty();
+        }
         self.are_all
     }
 
@@ -113,10 +118,16 @@ impl KnownCrossings {
         !(of_edges.is_empty() && of_triangles.is_empty())
     }
 
+    /// Whether intersections arose in this step around vertices that drifted, where there were none before.
+    pub(crate) fn have_arisen(&self) -> bool {
+        self.may_have_arisen && !self.pairs.is_empty()
+    }
+
     /// Begins a step.
     pub(crate) fn begin(&mut self) {
         self.through.clear();
         self.drifted.clear();
+        self.may_have_arisen = false;
     }
 
     /// Notes which of the pinched pairs have moved through each other.

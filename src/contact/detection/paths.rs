@@ -205,6 +205,12 @@ impl Paths {
         self.ahead = ahead_after(self.since, self.ahead, is_long);
     }
 
+    /// The next paths have these margins (m), for one substep.
+    pub(crate) fn cover(&mut self, margin: &[f32]) {
+        self.margin.copy_from_slice(margin);
+        self.ahead = 1.0;
+    }
+
     /// Starts new paths. Vertices that are `pressed` against something are about to move into it in every substep, and do not.
     /// Therefore their paths lead on as they have moved on average, and their margins cover the difference, as far as the surface
     /// allows.
