@@ -182,6 +182,12 @@ impl Engine {
         found.unwrap_or_default()
     }
 
+    /// Whether cloth got through something unlisted in a step on the processor, where nothing crossed before. A GPU takes such a step
+    /// again by itself.
+    pub(crate) fn has_crossed(&self) -> bool {
+        self.cpu().and_then(|cpu| cpu.contact.as_ref()).is_some_and(|contact| contact.crossings.have_arisen())
+    }
+
     /// What the processor computes; `None` if a GPU does everything.
     fn cpu(&self) -> Option<&Cpu> {
         match self {

@@ -67,7 +67,7 @@ use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::options::Contact;
 use crate::simd::Width;
-use crate::step::plan::Plan;
+use crate::step::plan::{Listing, Plan};
 
 use bodies::Bodies;
 use common_motion::CommonMotion;
@@ -133,8 +133,6 @@ pub(crate) struct TriangleContact {
     push: Pushes,
     /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
-    /// Whether all pairs are listed that may meet wherever on their ways contact stops vertices, which are several times as many.
-    pub covers_stops: bool,
     /// The duration (s) of the substep that the multipliers belong to; 0 if there are none.
     h: f32,
     /// The number of pairs if there were too many; 0 otherwise.
@@ -165,7 +163,6 @@ impl TriangleContact {
             kinematics_moved: false,
             push: Pushes::default(),
             max_carry: 0.0,
-            covers_stops: false,
             h: 0.0,
             too_many: 0,
             tally: Tally::default(),
@@ -224,8 +221,9 @@ impl TriangleContact {
         // Vertices that jump this far out of a collider may jump over others.
         self.crossings.are_all &= self.push.most <= self.surface.thickness;
         let common_motion = self.bodies.common_motion(plan, x, u, self.surface.thickness);
-        let (by, margin) = if self.covers_stops { self.ways(plan, x, u, common_motion) } else { Default::default() };
-        let by = if self.covers_stops { &by } else { &*u };
+        let covers = plan.listing == Listing::EveryStop;
+        let (by, margin) = if covers { self.ways(plan, x, u, common_motion) } else { Default::default() };
+        let by = if covers { &by } else { &*u };
         if !self.list(context, Path { x, u: by, margin: &margin, workers }, common_motion.is_none()) {
             return;
         }

@@ -144,7 +144,6 @@ impl TriangleContact {
             contacts: _,
             push: _,
             max_carry: _,
-            covers_stops: _,
             too_many: _,
             tally: _,
             checkpoint: _,

@@ -193,24 +193,10 @@ impl Cpu {
 
     /// Runs one step. If `external` is given, another engine predicts the displacements. If the motion became
     /// unstable, the step is undone and the cause returned.
-    ///
-    /// If contact stopped something so suddenly that what followed it got through, without having been listed, the step is taken
-    /// again with all pairs listed that may meet.
     pub(crate) fn step(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>) -> Result<(), Failure> {
         self.steps_good = self.steps;
-        self.attempt(plan, external, false)?;
-        if self.contact.as_ref().is_some_and(|contact| contact.crossings.have_arisen()) {
-            self.roll_back();
-            // There may be too many to list.
-            return self.attempt(plan, external, true).or_else(|_| self.attempt(plan, external, false));
-        }
-        Ok(())
-    }
-
-    /// Runs one step or undoes it, as [`Cpu::step`] does; contact lists pairs for all stops, or for those that are likely.
-    fn attempt(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>, covers_stops: bool) -> Result<(), Failure> {
         let step = self.steps.saturating_add(1);
-        let cause = self.run(plan, external, covers_stops);
+        let cause = self.run(plan, external);
         let too_many = self.contact.as_ref().map_or(0, |contact| contact.too_many);
         let failure = match (cause, too_many) {
             (None, 0) => {
@@ -243,10 +229,9 @@ impl Cpu {
     }
 
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
-    fn run(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>, covers_stops: bool) -> Option<Defect> {
+    fn run(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>) -> Option<Defect> {
         let pool = rayon::current_num_threads();
         self.prepare_contact(plan);
-        self.contact.iter_mut().for_each(|contact| contact.covers_stops = covers_stops);
         if self.packed.pack(plan, external.is_some(), self.contact.is_some(), pool) {
             // Times measured for each number of threads no longer apply.
             self.choice = None;

@@ -1,5 +1,7 @@
 //! Rejected steps: a step that stretched the cloth beyond the bound, which nothing had told in advance, is undone and taken again with
-//! the substeps that it turned out to need, as in error-controlled integration (Hairer, Nørsett and Wanner 1993, II.4).
+//! the substeps that it turned out to need, as in error-controlled integration (Hairer, Nørsett and Wanner 1993, II.4). A step in which
+//! contact stopped cloth so suddenly that what followed it got through, without having been listed, is taken again with all pairs listed
+//! that may meet.
 //!
 //! A sheet of 65 by 81 vertices whose hem swings up and hits its own upper part is stretched by 30 % in one step of 18 substeps. With
 //! more in the next step it would contract at once and gain a sixth of its energy; with 81 in the same step it is stretched by 1.6 %
@@ -13,7 +15,7 @@ use crate::error::StepError;
 use crate::error::failure::Failure;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, StepReport, Stretch, Warning};
-use crate::step::plan::Plan;
+use crate::step::plan::{Listing, Plan};
 
 /// A step that misses the bound is rejected if at least this many times as many substeps would have been chosen.
 const MORE: f64 = 1.25;
@@ -31,6 +33,7 @@ impl Deformer {
     ) -> Result<StepReport, StepError> {
         let was_held = self.state.controller.is_held();
         let mut rejected_for = None;
+        stepped = self.uncrossed(stepped, &decision, attributes, alone);
         for _ in 0..REJECTIONS {
             let Some((again, missed)) = self.rejects(&stepped, &decision, attributes) else { break };
             rejected_for = Some(missed);
@@ -57,6 +60,26 @@ impl Deformer {
         Ok(report)
     }
 
+    /// A step that was taken, or if cloth got through something in it, the one that is taken in its place.
+    fn uncrossed(
+        &mut self,
+        stepped: Result<Option<Statistics>, Failure>,
+        decision: &StepDecision,
+        attributes: &Attributes,
+        alone: bool,
+    ) -> Result<Option<Statistics>, Failure> {
+        if stepped.is_err() || !self.engine.has_crossed() {
+            return stepped;
+        }
+        let mut retake = |listing| {
+            self.engine.cpu_mut().into_iter().for_each(Cpu::roll_back);
+            let (engine, plan) = self.plan(decision, attributes);
+            engine.step(&Plan { listing, alone, ..plan })
+        };
+        // There may be too many pairs to list.
+        retake(Listing::EveryStop).or_else(|_| retake(Listing::Expected))
+    }
+
     /// Takes a step in the place of the last one.
     fn take_again(
         &mut self,
@@ -67,7 +90,8 @@ impl Deformer {
         self.engine.cpu_mut().into_iter().for_each(Cpu::roll_back);
         self.set_coefficients(decision);
         let (engine, plan) = self.plan(decision, attributes);
-        engine.step(&Plan { alone, ..plan })
+        let stepped = engine.step(&Plan { alone, ..plan });
+        self.uncrossed(stepped, decision, attributes, alone)
     }
 
     /// The decision for another step in the place of one that is rejected, and what that one would have warned of. On a GPU none is:

@@ -90,8 +90,19 @@ pub(crate) struct Plan<'a> {
     pub gauges: Option<&'a [StrainGauge]>,
     /// Contact of the cloth with itself, if it is enabled.
     pub contact: Option<Contact>,
+    /// Which pairs contact lists on the CPU.
+    pub listing: Listing,
     /// On the CPU: use only this thread, because others step cloths of their own.
     pub alone: bool,
+}
+
+/// Which pairs contact lists.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Listing {
+    /// Those that may meet while contact changes the ways of vertices little.
+    Expected,
+    /// All that may meet wherever on their ways it stops vertices, which are several times as many.
+    EveryStop,
 }
 
 impl StepInputs<'_> {
@@ -227,6 +238,7 @@ impl<'a> Plan<'a> {
             air: inputs.attributes.air_density > 0.0,
             gauges: None,
             contact: options.contact.filter(|_| inputs.cloth.is_sheet),
+            listing: Listing::Expected,
             alone: false,
         }
     }

@@ -61,7 +61,7 @@ fn structs() -> Vec<Layout> {
         layout!(Member { item, share }),
         layout!(Average { x, u }),
         layout!(BoundVertex { corners, height, normal_weights, of_b, normal, of_c }),
-        layout!(ContactParams { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, around, beside, of_vertices, room, bodies, has_kinematic, meshes_rest, has_self_contact, ignored, ignored_edges, groups, mesh_groups, per_mass, box_edges, features, spacing, max_carry, entangled, triangles_at, turn_x, turn_y, turn_z, center, travel }),
+        layout!(ContactParams { thickness, friction, vertices, mesh_first, all_vertices, rows, depth, mesh_depth, mesh_leaves, triangles, edges, order, leaf_triangles, leaf_edges, leaf_vertices, excess, around, beside, of_vertices, room, bodies, has_kinematic, meshes_rest, has_self_contact, ignored, ignored_edges, groups, mesh_groups, per_mass, box_edges, features, spacing, max_carry, entangled, triangles_at, covers_stops, turn_x, turn_y, turn_z, center, travel }),
         layout!(Listed { corners, lambda, other, thickness, row, next }),
         layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before, leaf_pairs, candidates, edge_candidates, space_needed, acted, passed, pinched, again, needed_carry, squeezed, jumped, shortens, cuts_more, drifted, through }),
         layout!(Track { start, by }),

@@ -173,7 +173,7 @@ fn begin_substep() {
     contact_state.status.h = params.h;
     let over = since();
     let ends = over + f32(contact_params.spacing) > contact_state.status.ahead;
-    contact_state.status.detects = u32(MAY_DETECT && (over < 0.0 || ends || strayed));
+    contact_state.status.detects = u32(MAY_DETECT && (over < 0.0 || ends || strayed || contact_params.covers_stops != 0u));
     if contact_state.status.detects != 0u {
         let listed = atomicExchange(&contact_state.status.listed, 0u);
         contact_state.status.vertices_before = atomicExchange(&contact_state.status.with_vertices, 0u);
@@ -198,6 +198,9 @@ fn begin_substep() {
         }
         // The list must last until detection may be due again.
         contact_state.status.ahead = clamp(floor(ahead + 0.5), max(MIN_AHEAD, f32(contact_params.spacing)), MAX_AHEAD);
+        if contact_params.covers_stops != 0u {
+            contact_state.status.ahead = 1.0;
+        }
         contact_state.status.since = 0.0;
         contact_state.status.detections += 1u;
     } else {

@@ -55,6 +55,8 @@ struct ContactParams {
     entangled: u32,
     // Position in the table of the lists of each vertex's triangles.
     triangles_at: u32,
+    // Whether all pairs are listed that may meet wherever on their ways contact stops vertices.
+    covers_stops: u32,
     // The rotation in the first substep, less the identity and by columns, of kinematic vertices, if they turn as one
     // (otherwise 0); its center [m], and the center's displacement in the step [m].
     turn_x: vec4f,

@@ -59,7 +59,14 @@ fn begin_paths(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
     let max_margin = select(max_margin_of(i), 0.0, i >= contact_params.mesh_first && contact_params.meshes_rest != 0u);
     var margin = max_margin;
     var by = u_i;
-    if contact_state.status.longer >= 0.0 {
+    if contact_params.covers_stops != 0u {
+        // Contact may stop a vertex anywhere between the common motion and where it is about to move.
+        margin = 0.0;
+        if vertices[i].x.w > 0.0 {
+            margin = length(way_with(i, vertices[i].push.xyz)) + allowance_of(i);
+            by = contact_state.status.mean + by_turning(x_i);
+        }
+    } else if contact_state.status.longer >= 0.0 {
         let track = tracks[i];
         let strayed = (x_i - track.start.xyz) + (u_i - track.by.xyz * contact_state.status.over);
         let far = max(length(strayed) * contact_state.status.longer, MARGIN_DECAY * track.start.w);

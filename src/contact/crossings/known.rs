@@ -101,6 +101,12 @@ impl KnownCrossings {
         are_new
     }
 
+    /// Whether anything intersects, if that is only possible around some vertices, or anywhere.
+    pub(crate) fn cross(posed: Posed<'_>, vertices: Option<&[u32]>) -> bool {
+        vertices.is_none_or(|vertices| KnownCrossings::cross_around(posed, vertices.to_vec()))
+            && posed.features().crossings().is_ok_and(|found| !found.is_empty())
+    }
+
     /// Whether anything intersects the features at some vertices of the cloth, or merely touches them. If these are many, it is not
     /// found out.
     fn cross_around(posed: Posed<'_>, vertices: Vec<u32>) -> bool {

@@ -178,6 +178,13 @@ impl HostContact {
         self.pinched = pinched.iter().flat_map(|pair| pair.corners).collect();
     }
 
+    /// Whether anything crosses with the cloth at the positions `x` (m) at the end of a step, given the vertices that drifted in it, or
+    /// `None` if these are many. Nothing crossed before.
+    pub(crate) fn have_arisen(&self, plan: &Plan<'_>, x: Vec<Vec4>, drifted: Option<&[u32]>) -> bool {
+        let x = self.with_meshes(x, motions(plan).map(|[from, by]| from + by));
+        x.iter().all(|x| x.is_finite()) && KnownCrossings::cross(self.posed(&x), drifted)
+    }
+
     /// Whether cloth may have been pinched in the last step.
     pub(crate) fn is_pinched(&self) -> bool {
         !(self.crossings.are_all && self.pinched.is_empty() && self.crossings.drifted.is_empty())

@@ -51,7 +51,7 @@ pub(crate) struct ContactParams {
     pub max_carry: f32,
     pub entangled: u32,
     pub triangles_at: u32,
-    pub padding: u32,
+    pub covers_stops: u32,
     pub turn_x: Vec4,
     pub turn_y: Vec4,
     pub turn_z: Vec4,

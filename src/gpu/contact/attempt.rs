@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use glam::Vec4;
+
 use super::status::{CLOSE, CROWDED, EARLY, Listed, NEAR, NEVER, NO_ROOM, RUN_OVER, SPACE, Status, StatusReadback, TRACK, noted};
 use super::{Checkpoint, GpuContact};
 use crate::contact::max_listed;
@@ -108,10 +110,19 @@ impl GpuContact {
         self.substeps = plan.substeps.len();
         self.choice.begin(&self.status, self.substeps);
         (self.is_saved, self.max_carry) = (false, 0.0);
+        (self.covers_stops, self.may_cover_stops) = (false, true);
     }
 
-    /// Waits for the result of an attempt, and rolls back unless it is good.
-    pub(crate) fn judge(&mut self, gpu: &Gpu) -> Result<Judgment, GpuFault> {
+    /// Waits for the result of an attempt, and rolls back unless it is good; `end` reads the positions (m) of the cloth after it.
+    ///
+    /// If contact stopped something so suddenly that what followed it got through, without having been listed, the step must be
+    /// attempted again with all pairs listed that may meet.
+    pub(crate) fn judge(
+        &mut self,
+        gpu: &Gpu,
+        plan: &Plan<'_>,
+        end: impl FnOnce() -> Result<Vec<Vec4>, GpuFault>,
+    ) -> Result<Judgment, GpuFault> {
         let readback: StatusReadback = gpu.mapped(&self.staging, bytemuck::pod_read_unaligned)?;
         let status = readback.status;
         let (needed, space) = (status.needed as usize, status.space_needed as usize);
@@ -119,6 +130,9 @@ impl GpuContact {
         let [most_room, most_space] = self.most(gpu);
         if has(CROWDED) || needed > most_room || space > most_space {
             self.roll_back(gpu);
+            if std::mem::take(&mut self.covers_stops) {
+                return Ok(Judgment::Again);
+            }
             self.on_cpu.roll_back();
             self.status.since = self.since;
             let candidates = status.candidates.saturating_add(status.edge_candidates);
@@ -126,10 +140,19 @@ impl GpuContact {
             return Ok(Judgment::Crowded(most as usize));
         }
         if !has(NO_ROOM | EARLY | CLOSE | RUN_OVER) {
-            self.status = status.at_end(self.substeps);
             let (through, have_all_through) = noted(&readback.through, status.through);
             let (pinched, have_all_pinched) = noted(&readback.pinched, status.pinched);
-            let (drifted, have_all_drifted) = noted(&readback.drifted, status.drifted);
+            let (mut drifted, mut have_all_drifted) = noted(&readback.drifted, status.drifted);
+            if status.drifted > 0 && status.through == 0 && self.may_cover_stops && !self.on_cpu.must_search() {
+                if self.on_cpu.have_arisen(plan, end()?, have_all_drifted.then_some(drifted)) {
+                    (self.covers_stops, self.may_cover_stops) = (true, false);
+                    self.choice.change(EARLY, false);
+                    self.roll_back(gpu);
+                    return Ok(Judgment::Again);
+                }
+                (drifted, have_all_drifted) = (&[], true);
+            }
+            self.status = status.at_end(self.substeps);
             let are_all = have_all_through && have_all_pinched && have_all_drifted && status.jumped == 0;
             self.on_cpu.note_pinched([through, pinched], drifted, are_all);
             return Ok(Judgment::Good);

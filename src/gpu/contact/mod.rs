@@ -104,6 +104,10 @@ pub(crate) struct GpuContact {
     choice: KernelChoice,
     /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
+    /// Whether this attempt lists all pairs that may meet wherever on their ways contact stops vertices.
+    covers_stops: bool,
+    /// Whether an attempt may still do that: once.
+    may_cover_stops: bool,
     /// Number of substeps of the current step.
     substeps: usize,
     /// Number of pairs that act from which workgroups collect their sums.
@@ -156,6 +160,8 @@ impl GpuContact {
             since: status.since,
             choice: KernelChoice::default(),
             max_carry: 0.0,
+            covers_stops: false,
+            may_cover_stops: false,
             substeps: 0,
             many: MANY,
         })
@@ -199,7 +205,7 @@ impl GpuContact {
 
     /// Uploads what the kernels need, to start from the end of the last good step.
     pub(crate) fn prepare(&mut self, gpu: &Gpu, plan: &Plan<'_>, forces: &Forces) {
-        let GpuContact { on_cpu, params, per_mass, room, buffers, stages, choice, max_carry, .. } = self;
+        let GpuContact { on_cpu, params, per_mass, room, buffers, stages, choice, max_carry, covers_stops, .. } = self;
         let [of_vertices, of_edges] = &on_cpu.crossings.ignored;
         let per_mass = *per_mass.get_or_insert_with(|| {
             let masses = plan.cloth.rest.iter().filter(|x| x.w > 0.0).map(|x| 1.0 / f64::from(x.w));
@@ -217,6 +223,7 @@ impl GpuContact {
             per_mass,
             spacing: choice.spacing,
             max_carry: *max_carry,
+            covers_stops: (*covers_stops).into(),
             entangled: on_cpu.crossings.entangled.len() as u32,
             turn_x,
             turn_y,

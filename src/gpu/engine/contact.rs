@@ -9,6 +9,7 @@ use crate::device::{Gpu, IN_BROWSER};
 use crate::error::failure::Failure;
 use crate::gpu::contact::encode::COMPARERS;
 use crate::gpu::contact::{GpuContact, Judgment};
+use crate::gpu::state::{PING_PONG, ping_pong};
 use crate::gpu::submission::Submission;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
@@ -188,7 +189,13 @@ impl GpuEngine {
         self.encode_commit(&mut commit, swept);
         self.dispatches += commit.dispatches();
         let commit = commit.finish_with(|encoder| self.report.copy_if_due(encoder, &self.commit.found));
-        let judgment = contact.judge(gpu)?;
+        let end = || {
+            let mut x = Vec::new();
+            let state = &self.forces.states[PING_PONG[ping_pong(plan.substeps.len() - 1)][1]];
+            self.readback.read(gpu, state, &self.commit.found, |at, _| x.extend_from_slice(at))?;
+            Ok(x)
+        };
+        let judgment = contact.judge(gpu, plan, end)?;
         if matches!(judgment, Judgment::Good) {
             let submission = gpu.queue().submit([commit]);
             self.report.ask_if_copied(&submission);
