@@ -40,6 +40,7 @@ on_every_backend!(
     bodies_come_and_go_anywhere,
     a_body_that_appears_in_the_cloth_is_let_go,
     a_body_that_stops_catches_what_follows,
+    layers_that_a_body_stops_fast_do_not_cross,
     pins_led_through_a_body_are_reported,
     what_is_no_body_is_refused,
     a_sheet_in_the_plane_of_a_table_lies_on_it,
@@ -398,6 +399,35 @@ fn a_body_that_stops_catches_what_follows(backend: Backend) {
     let stop = velocity.y * FRAME * 16.0;
     let lowest = cloth.positions().unwrap().iter().map(|x| x.y - stop).fold(f32::MAX, f32::min);
     assert!(lowest > 0.8 * R, "{lowest} m above the patch");
+}
+
+/// Layers fall on a table by more than their distance in each of few substeps, or the table comes up to them. Contact stops the first
+/// within a substep, far from where it was about to move. Those behind it were not near that, and went through it by the hundred.
+fn layers_that_a_body_stops_fast_do_not_cross(backend: Backend) {
+    let (n, gap, speed) = (coarser(backend, 14, 10), 0.02, 10.0);
+    let (mut mesh, mut random) = (jittered(sheets(3, n, 0.5, gap), 21), fastrand::Rng::with_seed(21));
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.004 * random.f32());
+    let contact = Some(Contact { thickness: 0.002, friction: 0.3 });
+    for (is_table_led, substeps) in [(false, 5), (true, 5), (false, 8)] {
+        let options =
+            Options { quality: Quality::Substeps(substeps), fabric: Fabric::SILK, contact, ..options(backend, 0, true) };
+        let mut cloth = Deformer::new(&mesh, options).unwrap();
+        let table = Mesh::grid(6, 6, 0.2, 0.2);
+        let at = |frame: u32| {
+            let led = if is_table_led { speed * FRAME * frame as f32 } else { 0.0 };
+            moved(&table, |x| x + (led + 0.5 * gap) * Vec3::Y)
+        };
+        let velocity = if is_table_led { Vec3::ZERO } else { -speed * Vec3::Y };
+        cloth.set_state(&mesh.positions, &vec![velocity; mesh.positions.len()]).unwrap();
+        cloth.place_colliders(&[Collider::mesh(at(0))]).unwrap();
+        for frame in 1..=6 {
+            let report = cloth.step(FRAME, &with(vec![Collider::mesh(at(frame))])).unwrap();
+            assert_eq!(report.substeps, substeps);
+            let x = cloth.positions().unwrap();
+            let crossed = [crossings(&mesh, x).len(), crossings_with(&mesh, x, &at(frame))];
+            assert_eq!(crossed, [0; 2], "table led: {is_table_led}, {substeps} substeps, frame {frame}");
+        }
+    }
 }
 
 /// A body moves through a row of pins, which nothing can keep apart: this is reported, and nothing explodes.

@@ -177,13 +177,14 @@ pub enum Tethers {
 ///
 /// No edge of a triangle ever passes through another triangle, provided that none does at the start and that pins move relative to each
 /// other by at most two thirds of the thickness per substep ([`Warning::ContactOutruns`]). Where pins or mesh colliders close on the
-/// cloth until no room is left, they pass through it. So may layers that a mesh collider stops from more than about ten thicknesses per
-/// substep, as with 8 substeps at 9 m/s; qualities that choose the substeps take more there. Such crossings, and those of the start,
-/// are reported
+/// cloth until no room is left, they pass through it. Such crossings, and those of the start, are reported
 /// ([`Warning::Crossings`], [`Warning::BodyCrossings`]), and contact ignores what crosses until it has separated;
 /// [`Deformer::untangle`](crate::Deformer::untangle) separates it beforehand. What merely touches at the start does not
 /// cross: features closer than a ten-thousandth of the thickness, or than rounding, are moved apart by some micrometers, or sixteen times
 /// the rounding.
+///
+/// A step in which contact stops cloth so suddenly that what follows it would get through, as where layers fall on a body by ten
+/// thicknesses in a substep, is taken twice and takes several times as long.
 ///
 /// Flat cloth slides over cloth and mesh colliders as its friction says, also by several times the thickness in a substep.
 #[derive(Debug, Clone, Copy, PartialEq)]
