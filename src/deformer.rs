@@ -51,6 +51,7 @@ use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::{Rates, SIXTIETHS};
 use crate::step::watch::{Bounds, Watch};
+use crate::threads;
 
 /// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
 /// not halve their time.
@@ -208,7 +209,7 @@ impl Deformer {
     ) -> Vec<Result<StepReport, StepError>> {
         let mut crowd: Vec<_> = crowd.into_iter().collect();
         let is_small = |one: &Deformer| matches!(one.engine, Engine::Cpu(_)) && one.cloth.rest.len() <= SMALL;
-        let enough = rayon::current_num_threads().max(2);
+        let enough = threads().max(2);
         // Stops counting as soon as there are enough: looking at each of a thousand cloths fetches it from memory.
         if crowd.iter().filter(|(one, _)| is_small(one)).take(enough).count() < enough {
             return Deformer::step_together(crowd, dt);
