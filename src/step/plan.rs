@@ -153,11 +153,6 @@ impl StepInputs<'_> {
 }
 
 impl PlanBuffers {
-    fn set_substeps(&mut self, inputs: &StepInputs<'_>) {
-        self.substeps.clear();
-        self.substeps.extend((0..inputs.substeps).map(|index| inputs.substep(index)));
-    }
-
     fn set_colliders(&mut self, inputs: &StepInputs<'_>) {
         self.bodies.clear();
         self.meshes.clear();
@@ -201,7 +196,8 @@ impl<'a> Plan<'a> {
     /// Turns what a step follows from into the numbers that the kernels take.
     pub(crate) fn new(inputs: &StepInputs<'a>, buffers: &'a mut PlanBuffers) -> Plan<'a> {
         let StepInputs { cloth, levels, options, coefficients, motion, .. } = *inputs;
-        buffers.set_substeps(inputs);
+        buffers.substeps.clear();
+        buffers.substeps.extend((0..inputs.substeps).map(|index| inputs.substep(index)));
         buffers.set_colliders(inputs);
         let colliders = buffers.bodies.len();
         buffers.add_anchors(inputs);
