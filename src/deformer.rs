@@ -125,13 +125,7 @@ impl Deformer {
         engine.check(options.quality)?;
         let motion = Motion::placed(&cloth, &cloth.rest, &[]);
         let watch = Watch::new(&cloth, &options);
-        let local = cloth.rest.clone();
-        let flat_start = FlatStart::at_rest(&cloth);
-        let velocities = vec![Vec3::ZERO; mesh.positions.len()];
-        let positions = mesh.positions.clone();
         Ok(Deformer {
-            cloth,
-            options,
             rates,
             engine,
             hierarchy: Hierarchy::default(),
@@ -139,14 +133,16 @@ impl Deformer {
             coefficients: None,
             state: State { motion, watch, ..State::default() },
             buffers: PlanBuffers::default(),
-            positions,
-            velocities,
+            positions: mesh.positions.clone(),
+            velocities: vec![Vec3::ZERO; mesh.positions.len()],
             requested: Vec::new(),
             has_arrived: false,
-            local,
-            flat_start,
+            local: cloth.rest.clone(),
+            flat_start: FlatStart::at_rest(&cloth),
             before_kick: None,
             is_current: true,
+            cloth,
+            options,
         })
     }
 
