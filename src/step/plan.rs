@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::attributes::{Attributes, Shape};
+use crate::attributes::Attributes;
 use crate::kernels::contact::Body;
 use crate::kernels::contact::near::Clear;
 use crate::kernels::distance::{SLACK_BAND, SLACK_BAND_OF_FEW};
@@ -157,7 +157,7 @@ impl PlanBuffers {
         self.bodies.clear();
         self.meshes.clear();
         for (now, last) in inputs.motion.followed(&inputs.attributes.colliders) {
-            if let (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) = (&now.shape, &last.shape) {
+            if let (Some(to), Some(from)) = (now.shape.mesh(), last.shape.mesh()) {
                 self.meshes.push(MeshBody { from: Arc::clone(from), to: Arc::clone(to), friction: now.friction });
             } else {
                 self.bodies.push(moving(now, last, inputs.cloth));
