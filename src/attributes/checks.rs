@@ -96,7 +96,8 @@ impl Collider {
     }
 }
 
-fn validate_mesh(Mesh { positions, triangles }: &Mesh) -> Result<(), StepError> {
+fn validate_mesh(mesh: &Mesh) -> Result<(), StepError> {
+    let Mesh { positions, triangles } = mesh;
     // Corners, not areas: a body may shrink to a point for a while.
     if triangles.iter().all(|[a, b, c]| a == b || b == c || c == a) {
         let what = if triangles.is_empty() { "a mesh without triangles" } else { "a mesh without a triangle of three corners" };
@@ -105,17 +106,10 @@ fn validate_mesh(Mesh { positions, triangles }: &Mesh) -> Result<(), StepError> 
     if positions.len() > MAX_VERTICES {
         return Err(invalid("mesh: vertices", positions.len(), format_args!("is more than {MAX_VERTICES}; split the mesh")));
     }
-    let inside = |x: &Vec3| is_bounded(*x);
-    // A test of all is faster than a search for the first that fails it, and in nearly all steps none does.
-    let are_inside = positions.iter().fold(true, |all, x| all & inside(x));
-    let outside = || positions.iter().position(|x| !inside(x));
-    if let Some(vertex) = (!are_inside).then(outside).flatten() {
+    if let Some(vertex) = mesh.unbounded_vertex() {
         return Err(invalid(format_args!("mesh.positions[{vertex}]"), positions[vertex], "must be finite and within 1e15 m"));
     }
-    let names_others = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= positions.len());
-    let last = triangles.as_flattened().iter().fold(0, |last, &vertex| vertex.max(last));
-    let wrong = || triangles.iter().position(names_others);
-    if let Some(triangle) = (last as usize >= positions.len()).then(wrong).flatten() {
+    if let Some((triangle, _)) = mesh.missing_vertex() {
         let name = format_args!("mesh.triangles[{triangle}]");
         let remedy = format_args!("refers to a vertex that does not exist; the mesh has {}, numbered from 0", positions.len());
         return Err(invalid(name, format_args!("{:?}", triangles[triangle]), remedy));
