@@ -120,13 +120,10 @@ impl Cpu {
         if !past.pending.is_empty() {
             return false;
         }
+        self.replaced = None;
         match &past.contact {
-            None => {
-                self.set_contact(None);
-                self.replaced = None;
-            }
+            None => _ = self.set_contact(None),
             Some(past) => {
-                self.replaced = None;
                 if !self.contact.as_ref().is_some_and(|contact| contact.bodies.are_numbered_for(past.numbered.iter())) {
                     self.make_contact(cloth, options, past.numbered.clone());
                 }

@@ -107,12 +107,9 @@ impl CacheForm {
     pub(super) fn write_header(&self, file: &mut impl Write, [vertices, samples]: [i32; 2]) -> io::Result<()> {
         match self {
             CacheForm::Pc2 => {
+                let (version, [start, rate]) = (1_i32.to_le_bytes(), [1_f32.to_le_bytes(); 2]);
                 file.write_all(b"POINTCACHE2\0")?;
-                file.write_all(&1_i32.to_le_bytes())?;
-                file.write_all(&vertices.to_le_bytes())?;
-                file.write_all(&1_f32.to_le_bytes())?;
-                file.write_all(&1_f32.to_le_bytes())?;
-                file.write_all(&samples.to_le_bytes())
+                file.write_all([version, vertices.to_le_bytes(), start, rate, samples.to_le_bytes()].as_flattened())
             }
             CacheForm::Mdd { fps } => {
                 file.write_all(&samples.to_be_bytes())?;
