@@ -17,7 +17,7 @@ mod triangle_tree;
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::kernels::follow::{BoundVertex, cloth_normal, foot, render_normal};
-use crate::kernels::limits::{MAX_POSITION, is_bounded};
+use crate::kernels::limits::MAX_POSITION;
 use crate::model::mesh::{Mesh, edges, is_proper};
 #[cfg(feature = "gpu")]
 use crate::model::vertex_order;
@@ -174,16 +174,14 @@ impl Binding {
     }
 
     fn bind(render: &Mesh, render_normals: Option<&[Vec3]>, cloth: &Mesh) -> Result<Binding, BindError> {
-        for (mesh, positions) in [("render", &render.positions), ("cloth", &cloth.positions)] {
-            if let Some(vertex) = positions.iter().position(|x| !is_bounded(*x)) {
-                return Err(BindError::Position { mesh, vertex, position: positions[vertex] });
+        for (name, mesh) in [("render", render), ("cloth", cloth)] {
+            if let Some(vertex) = mesh.unbounded_vertex() {
+                return Err(BindError::Position { mesh: name, vertex, position: mesh.positions[vertex] });
             }
         }
         let cloth_vertices = cloth.positions.len();
-        for (triangle, corners) in cloth.triangles.iter().enumerate() {
-            if let Some(&index) = corners.iter().find(|&&index| index as usize >= cloth_vertices) {
-                return Err(BindError::Index { triangle, index, vertices: cloth_vertices });
-            }
+        if let Some((triangle, index)) = cloth.missing_vertex() {
+            return Err(BindError::Index { triangle, index, vertices: cloth_vertices });
         }
         let mut triangles = cloth.triangles.clone();
         triangles.retain(is_proper);

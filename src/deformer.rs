@@ -51,6 +51,7 @@ use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::{Rates, SIXTIETHS};
 use crate::step::watch::{Bounds, Watch};
+use crate::threads;
 
 /// Cloths of up to this many vertices are stepped on a single thread each in [`Deformer::step_all`]: more threads would
 /// not halve their time.
@@ -124,13 +125,7 @@ impl Deformer {
         engine.check(options.quality)?;
         let motion = Motion::placed(&cloth, &cloth.rest, &[]);
         let watch = Watch::new(&cloth, &options);
-        let local = cloth.rest.clone();
-        let flat_start = FlatStart::at_rest(&cloth);
-        let velocities = vec![Vec3::ZERO; mesh.positions.len()];
-        let positions = mesh.positions.clone();
         Ok(Deformer {
-            cloth,
-            options,
             rates,
             engine,
             hierarchy: Hierarchy::default(),
@@ -138,14 +133,16 @@ impl Deformer {
             coefficients: None,
             state: State { motion, watch, ..State::default() },
             buffers: PlanBuffers::default(),
-            positions,
-            velocities,
+            positions: mesh.positions.clone(),
+            velocities: vec![Vec3::ZERO; mesh.positions.len()],
             requested: Vec::new(),
             has_arrived: false,
-            local,
-            flat_start,
+            local: cloth.rest.clone(),
+            flat_start: FlatStart::at_rest(&cloth),
             before_kick: None,
             is_current: true,
+            cloth,
+            options,
         })
     }
 
@@ -208,7 +205,7 @@ impl Deformer {
     ) -> Vec<Result<StepReport, StepError>> {
         let mut crowd: Vec<_> = crowd.into_iter().collect();
         let is_small = |one: &Deformer| matches!(one.engine, Engine::Cpu(_)) && one.cloth.rest.len() <= SMALL;
-        let enough = rayon::current_num_threads().max(2);
+        let enough = threads().max(2);
         // Stops counting as soon as there are enough: looking at each of a thousand cloths fetches it from memory.
         if crowd.iter().filter(|(one, _)| is_small(one)).take(enough).count() < enough {
             return Deformer::step_together(crowd, dt);

@@ -33,6 +33,11 @@ mod tune;
 /// Whether there are threads. The module of a web page has none, and does not contain the code for them, which it would download.
 pub(crate) const HAS_THREADS: bool = cfg!(not(target_arch = "wasm32"));
 
+/// The number of threads of the current pool.
+pub(crate) fn threads() -> usize {
+    if HAS_THREADS { rayon::current_num_threads() } else { 1 }
+}
+
 pub use attributes::{Attributes, Collider, Shape};
 pub use binding::{BindError, Binding};
 pub use deformer::{Deformer, Forecast, Measure, Snapshot, Untangled};

@@ -27,7 +27,7 @@ impl Attributes {
         }
         let mut with_id = HashMap::new();
         for (index, collider) in self.colliders.iter().enumerate() {
-            collider.validate(index)?;
+            collider.validate().map_err(|error| in_collider(index, error))?;
             let Some(id) = collider.id else { continue };
             let earlier = match self.colliders.len() {
                 ..=FEW => self.colliders[..index].iter().position(|other| other.id == Some(id)),
@@ -47,90 +47,70 @@ impl Attributes {
 }
 
 impl Collider {
-    fn validate(&self, index: usize) -> Result<(), StepError> {
-        let above_0 = |name: &str, radius: f32| {
-            if radius > 0.0 && radius <= MAX_POSITION {
-                Ok(())
-            } else {
-                Err(invalid(format_args!("colliders[{index}].{name}"), radius, "must be above 0 m and at most 1e15 m"))
-            }
-        };
-        let positive = |radius: f32| above_0("radius", radius);
-        not_negative(format_args!("colliders[{index}].friction"), self.friction)?;
+    /// Checks every value, which an error names as a field of the collider.
+    fn validate(&self) -> Result<(), StepError> {
+        not_negative("friction", self.friction)?;
         match self.shape {
             Shape::Sphere { center, radius } => {
-                within(format_args!("colliders[{index}].center"), center, "m")?;
-                positive(radius)
+                within("center", center, "m")?;
+                above_0("radius", radius)
             }
             Shape::Plane { point, normal } => {
-                within(format_args!("colliders[{index}].point"), point, "m")?;
-                finite(format_args!("colliders[{index}].normal"), normal)?;
-                match normal.as_dvec3().try_normalize() {
-                    Some(_) => Ok(()),
-                    None => Err(invalid(
-                        format_args!("colliders[{index}].normal"),
-                        normal,
-                        "has no direction; give a vector out of the solid",
-                    )),
+                within("point", point, "m")?;
+                if !normal.is_finite() {
+                    return Err(invalid("normal", normal, "must be finite"));
                 }
+                if normal.as_dvec3().try_normalize().is_none() {
+                    return Err(invalid("normal", normal, "has no direction; give a vector out of the solid"));
+                }
+                Ok(())
             }
             Shape::Capsule { a, b, radius } => {
-                within(format_args!("colliders[{index}].a"), a, "m")?;
-                within(format_args!("colliders[{index}].b"), b, "m")?;
-                positive(radius)
+                within("a", a, "m")?;
+                within("b", b, "m")?;
+                above_0("radius", radius)
             }
             Shape::TaperedCapsule { a, radius_a, b, radius_b } => {
-                within(format_args!("colliders[{index}].a"), a, "m")?;
-                within(format_args!("colliders[{index}].b"), b, "m")?;
+                within("a", a, "m")?;
+                within("b", b, "m")?;
                 above_0("radius_a", radius_a)?;
                 above_0("radius_b", radius_b)
             }
             Shape::RoundedBox { center, half, rotation, radius } => {
-                within(format_args!("colliders[{index}].center"), center, "m")?;
-                ["half.x", "half.y", "half.z"]
-                    .into_iter()
-                    .zip(half.to_array())
-                    .try_for_each(|(name, half)| above_0(name, half))?;
+                within("center", center, "m")?;
+                above_0("half.x", half.x)?;
+                above_0("half.y", half.y)?;
+                above_0("half.z", half.z)?;
                 let square = rotation.as_dquat().length_squared();
                 if !(square > 0.0 && square.is_finite()) {
                     let remedy = "has no direction; give a quaternion of finite numbers, Quat::IDENTITY for none";
-                    return Err(invalid(format_args!("colliders[{index}].rotation"), rotation, remedy));
+                    return Err(invalid("rotation", rotation, remedy));
                 }
                 if !(0.0..=half.min_element()).contains(&radius) {
-                    let remedy = format_args!("must be from 0 m to the least of half = {half}");
-                    return Err(invalid(format_args!("colliders[{index}].radius"), radius, remedy));
+                    return Err(invalid("radius", radius, format_args!("must be from 0 m to the least of half = {half}")));
                 }
                 Ok(())
             }
-            Shape::Mesh { ref mesh } => validate_mesh(index, mesh),
+            Shape::Mesh { ref mesh } => validate_mesh(mesh),
         }
     }
 }
 
-fn validate_mesh(index: usize, mesh: &Mesh) -> Result<(), StepError> {
+fn validate_mesh(mesh: &Mesh) -> Result<(), StepError> {
     let Mesh { positions, triangles } = mesh;
     // Corners, not areas: a body may shrink to a point for a while.
     if triangles.iter().all(|[a, b, c]| a == b || b == c || c == a) {
         let what = if triangles.is_empty() { "a mesh without triangles" } else { "a mesh without a triangle of three corners" };
-        return Err(invalid(format_args!("colliders[{index}].mesh"), what, "has no surface; give it one, or leave it out"));
+        return Err(invalid("mesh", what, "has no surface; give it one, or leave it out"));
     }
     if positions.len() > MAX_VERTICES {
-        let remedy = format_args!("is more than {MAX_VERTICES}; split the mesh");
-        return Err(invalid(format_args!("colliders[{index}].mesh: vertices"), positions.len(), remedy));
+        return Err(invalid("mesh: vertices", positions.len(), format_args!("is more than {MAX_VERTICES}; split the mesh")));
     }
-    let inside = |x: &Vec3| is_bounded(*x);
-    // A test of all is faster than a search for the first that fails it, and in nearly all steps none does.
-    let are_inside = positions.iter().fold(true, |all, x| all & inside(x));
-    let outside = || positions.iter().position(|x| !inside(x));
-    if let Some(vertex) = (!are_inside).then(outside).flatten() {
-        let name = format_args!("colliders[{index}].mesh.positions[{vertex}]");
-        return Err(invalid(name, positions[vertex], "must be finite and within 1e15 m"));
+    if let Some(vertex) = mesh.unbounded_vertex() {
+        return Err(invalid(format_args!("mesh.positions[{vertex}]"), positions[vertex], "must be finite and within 1e15 m"));
     }
-    let names_others = |triangle: &[u32; 3]| triangle.iter().any(|&vertex| vertex as usize >= positions.len());
-    let last = triangles.as_flattened().iter().fold(0, |last, &vertex| vertex.max(last));
-    let wrong = || triangles.iter().position(names_others);
-    if let Some(triangle) = (last as usize >= positions.len()).then(wrong).flatten() {
-        let name = format_args!("colliders[{index}].mesh.triangles[{triangle}]");
+    if let Some((triangle, _)) = mesh.missing_vertex() {
+        let name = format_args!("mesh.triangles[{triangle}]");
         let remedy = format_args!("refers to a vertex that does not exist; the mesh has {}, numbered from 0", positions.len());
         return Err(invalid(name, format_args!("{:?}", triangles[triangle]), remedy));
     }
@@ -141,16 +121,27 @@ pub(crate) fn invalid(name: impl Display, value: impl Display, remedy: impl Disp
     StepError::Attribute { name: name.to_string(), value: value.to_string(), remedy: remedy.to_string() }
 }
 
-fn finite(name: impl Display, value: Vec3) -> Result<(), StepError> {
-    if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite")) }
+/// The error of a field of the collider with this index.
+fn in_collider(index: usize, error: StepError) -> StepError {
+    match error {
+        StepError::Attribute { name, value, remedy } => invalid(format_args!("colliders[{index}].{name}"), value, remedy),
+        other => other,
+    }
 }
 
 /// Checks that a vector is no larger than a position or a velocity may be: what is larger would move the cloth there.
 fn within(name: impl Display, value: Vec3, unit: &str) -> Result<(), StepError> {
-    let is_within = is_bounded(value);
-    if is_within { Ok(()) } else { Err(invalid(name, value, format_args!("must be finite and within 1e15 {unit}"))) }
+    if is_bounded(value) { Ok(()) } else { Err(invalid(name, value, format_args!("must be finite and within 1e15 {unit}"))) }
 }
 
-fn not_negative(name: impl Display, value: f32) -> Result<(), StepError> {
+fn above_0(name: &str, radius: f32) -> Result<(), StepError> {
+    if radius > 0.0 && radius <= MAX_POSITION {
+        Ok(())
+    } else {
+        Err(invalid(name, radius, "must be above 0 m and at most 1e15 m"))
+    }
+}
+
+fn not_negative(name: &str, value: f32) -> Result<(), StepError> {
     if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(invalid(name, value, "must be finite and 0 or above")) }
 }

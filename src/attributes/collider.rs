@@ -256,6 +256,14 @@ impl Collider {
 }
 
 impl Shape {
+    /// The mesh of a mesh collider.
+    pub(crate) fn mesh(&self) -> Option<&Arc<Mesh>> {
+        match self {
+            Shape::Mesh { mesh } => Some(mesh),
+            _ => None,
+        }
+    }
+
     /// The spheres at both ends of a round shape, by their centers and radii (m); those of a sphere are the same.
     pub(crate) fn ends(&self) -> Option<[(Vec3, f32); 2]> {
         match *self {

@@ -89,7 +89,7 @@ impl TriangleContact {
         bodies.are_known = bodies.are_still;
         let crossings = &self.crossings;
         self.contacts.forget();
-        detection.run(input, [of_cloth, of_bodies], lists, |kind, first, pair| crossings.ignores(kind, first, pair))
+        detection.run(input, [of_cloth, of_bodies], lists, &|kind, first, pair| crossings.ignores(kind, first, pair))
     }
 
     /// Lists more pairs, around some vertices that get new paths.

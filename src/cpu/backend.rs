@@ -28,6 +28,7 @@ use crate::past::Past;
 use crate::simd::Width;
 use crate::simd::aligned::AlignedVec;
 use crate::step::plan::Plan;
+use crate::threads;
 
 /// The state of the cloth in memory, one value per vertex in the cloth's order, and all that is kept between its steps.
 #[derive(Debug)]
@@ -119,13 +120,10 @@ impl Cpu {
         if !past.pending.is_empty() {
             return false;
         }
+        self.replaced = None;
         match &past.contact {
-            None => {
-                self.set_contact(None);
-                self.replaced = None;
-            }
+            None => _ = self.set_contact(None),
             Some(past) => {
-                self.replaced = None;
                 if !self.contact.as_ref().is_some_and(|contact| contact.bodies.are_numbered_for(past.numbered.iter())) {
                     self.make_contact(cloth, options, past.numbered.clone());
                 }
@@ -230,7 +228,7 @@ impl Cpu {
 
     /// Runs the substeps of a step and returns what is wrong with the resulting state, if anything.
     fn run(&mut self, plan: &Plan<'_>, external: Option<&dyn ExternalPrediction>) -> Option<Defect> {
-        let pool = rayon::current_num_threads();
+        let pool = threads();
         self.prepare_contact(plan);
         if self.packed.pack(plan, external.is_some(), self.contact.is_some(), pool) {
             // Times measured for each number of threads no longer apply.

@@ -137,11 +137,6 @@ impl Coarse {
         *self = Coarse::default();
     }
 
-    /// The number of levels in use.
-    pub(crate) fn len(&self) -> usize {
-        self.levels.len()
-    }
-
     /// The number of levels whose sweeps are divided into tasks. They are the finest ones.
     pub(crate) fn shared(&self) -> usize {
         self.levels.iter().take_while(|level| level.partition.tiles.len() > 1).count()
@@ -152,9 +147,10 @@ impl Coarse {
         &self.levels[level].partition
     }
 
-    /// The number of restriction tasks of a level.
-    pub(crate) fn restrictions(&self, level: usize) -> usize {
-        self.levels[level].inverse_mass.len().div_ceil(self.levels[level].grain)
+    /// The aggregates of each restriction task of a level.
+    pub(crate) fn restrictions(&self, level: usize) -> impl Iterator<Item = Range<usize>> {
+        let level = &self.levels[level];
+        (0..level.inverse_mass.len().div_ceil(level.grain)).map(|chunk| level.chunk(chunk))
     }
 
     /// The members of some aggregates, as items of the next finer level.

@@ -8,6 +8,7 @@ use std::ops::Range;
 use crate::cpu::partition::Piece;
 use crate::cpu::tasks::shared::lists::Indices;
 use crate::kernels::distance::Edge;
+use crate::model::csr::distinct;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{MAX_LANES, vector_of_lane};
 
@@ -69,17 +70,10 @@ pub(crate) struct EdgeBatches {
     of: Vec<Range<usize>>,
 }
 
-/// An edge with its index in the color order.
-#[derive(Debug, Clone, Copy)]
-struct Placed {
-    index: u32,
-    edge: Edge,
-}
-
-/// A lane of a row: its edge, and whether it applies that edge's correction.
+/// A lane of a row: the index of its edge in the color order, and whether it applies that edge's correction.
 #[derive(Debug, Clone, Copy)]
 struct Lane {
-    placed: Placed,
+    index: u32,
     corrects: bool,
 }
 
@@ -118,10 +112,9 @@ impl EdgeBatches {
             listed: Indices::new(vertices),
         };
         let batches = EdgeBatches { lanes, at, ..EdgeBatches::default() };
-        let mut packer = Packer { inverse_mass, batches };
+        let mut packer = Packer { edges, inverse_mass, batches };
         // The piece and the color that last visited each vertex.
         let mut visited = vec![[usize::MAX; 2]; vertices];
-        let mut edges_now: Vec<Placed> = Vec::new();
         for (index, piece) in pieces.iter().enumerate() {
             let start = packer.batches.batches.len();
             // With springs no edge is swept.
@@ -133,14 +126,12 @@ impl EdgeBatches {
                 let end = rest.iter().position(|&place| !color.contains(&(place as usize)));
                 let (now, later) = rest.split_at(end.unwrap_or(rest.len()));
                 rest = later;
-                edges_now.clear();
-                edges_now.extend(now.iter().map(|&index| Placed { index, edge: edges[index as usize] }));
-                for end in edges_now.iter().flat_map(|Placed { edge, .. }| [edge.a, edge.b]) {
+                for end in now.iter().flat_map(|&place| [edges[place as usize].a, edges[place as usize].b]) {
                     let now = [index, color.start];
                     let before = std::mem::replace(&mut visited[end as usize], now);
                     assert!(before != now, "vertex {end} has two edges of a color");
                 }
-                packer.color(&mut edges_now, start);
+                packer.color(now, start);
             }
             let end = packer.batches.batches.len();
             packer.batches.of.push(start..end);
@@ -183,40 +174,42 @@ fn shares(edge: &Edge, counts: bool, inverse_mass: &[f32]) -> [f32; 2] {
 }
 
 struct Packer<'a> {
+    edges: &'a [Edge],
     inverse_mass: &'a [f32],
     batches: EdgeBatches,
 }
 
 impl Packer<'_> {
-    /// Packs the edges of one color, given in any order: contiguous rows first, then the rest. Rows may be appended to
-    /// a batch from number `open` on.
-    fn color(&mut self, edges: &mut [Placed], open: usize) {
+    /// Packs the edges of one color, given by their indices in any order: contiguous rows first, then the rest. Rows may be
+    /// appended to a batch from number `open` on.
+    fn color(&mut self, indices: &[u32], open: usize) {
         let lanes = self.batches.lanes;
         // Edges of a contiguous row have the same vertex offset and consecutive first vertices.
-        let offset = |Placed { edge, .. }: &Placed| edge.b.wrapping_sub(edge.a);
-        edges.sort_unstable_by_key(|placed| (offset(placed), placed.edge.a));
-        let step = |placed: &Placed| if offset(placed) == 1 { 2 } else { 1 };
-        let follows = |one: &Placed, next: &Placed| offset(one) == offset(next) && next.edge.a - one.edge.a == step(one);
-        let mut apart: Vec<Placed> = Vec::new();
-        for run in edges.chunk_by(follows) {
+        let placed = |&index: &u32| {
+            let Edge { a, b, .. } = self.edges[index as usize];
+            [b.wrapping_sub(a), a, index]
+        };
+        let step = |offset: u32| if offset == 1 { 2 } else { 1 };
+        let follows = |one: &[u32; 3], next: &[u32; 3]| one[0] == next[0] && next[1] - one[1] == step(one[0]);
+        let mut apart: Vec<[u32; 2]> = Vec::new();
+        for run in distinct(indices.iter().map(placed).collect()).chunk_by(follows) {
             if run.len() < lanes {
-                apart.extend(run);
+                apart.extend(run.iter().map(|&[_, a, index]| [a, index]));
                 continue;
             }
-            let ends = if step(&run[0]) == 1 { Ends::Rows } else { Ends::Pairs };
+            let ends = if step(run[0][0]) == 1 { Ends::Rows } else { Ends::Pairs };
             for start in (0..run.len()).step_by(lanes) {
                 // The last row of a run overlaps the row before so that it is full; edges already corrected there get
                 // no share.
                 let first = start.min(run.len() - lanes);
                 self.push(ends, open, |lane| {
                     let place = first + vector_of_lane(lane, lanes);
-                    Lane { placed: run[place], corrects: place >= start }
+                    Lane { index: run[place][2], corrects: place >= start }
                 });
             }
         }
-        apart.sort_unstable_by_key(|Placed { edge, .. }| (edge.a, edge.b));
-        for edges in apart.chunks(lanes) {
-            self.push(Ends::Listed, open, |lane| Lane { placed: edges[lane.min(edges.len() - 1)], corrects: true });
+        for edges in distinct(apart).chunks(lanes) {
+            self.push(Ends::Listed, open, |lane| Lane { index: edges[lane.min(edges.len() - 1)][1], corrects: true });
         }
     }
 
@@ -225,7 +218,7 @@ impl Packer<'_> {
     fn push(&mut self, ends: Ends, open: usize, lane: impl Fn(usize) -> Lane) {
         let EdgeBatches { lanes, factors, places, at, batches, .. } = &mut self.batches;
         let (lanes, row) = (*lanes, places.len() / *lanes);
-        let edge = |k: usize| lane(k).placed.edge;
+        let edge = |k: usize| &self.edges[lane(k).index as usize];
         let first = match ends {
             Ends::Rows => at.rows.len(),
             Ends::Pairs => at.pairs.len(),
@@ -245,7 +238,7 @@ impl Packer<'_> {
         }
         let spelled = |k: usize| [0, 1].map(|end| ends.end(at, first, lanes, end, k));
         debug_assert!((0..lanes).all(|k| spelled(k) == [edge(k).a, edge(k).b]), "{ends:?}");
-        let share = |k: usize, end: usize| shares(&edge(k), lane(k).corrects, self.inverse_mass)[end];
+        let share = |k: usize, end: usize| shares(edge(k), lane(k).corrects, self.inverse_mass)[end];
         factors.push(lanes, |k| edge(k).inverse_rest);
         factors.push(lanes, |k| share(k, 0));
         factors.push(lanes, |k| share(k, 1));
@@ -254,7 +247,7 @@ impl Packer<'_> {
             // memory of building.
             places.reserve_exact(places.len() / 32 + 64 * lanes);
         }
-        let marked = |Lane { placed, corrects }: Lane| placed.index | if corrects { 0 } else { NO_SHARE };
+        let marked = |Lane { index, corrects }: Lane| index | if corrects { 0 } else { NO_SHARE };
         places.extend((0..lanes).map(|k| marked(lane(k))));
     }
 }

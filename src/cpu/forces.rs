@@ -37,7 +37,7 @@ pub(crate) struct ForceArrays {
     /// What the lists were packed for: length of the substep, bending, wind, lanes.
     packed_for: Option<(Length, bool, bool, usize)>,
     /// The tiles of the vertices that each task of [`Forces::panel_forces`] reads.
-    panel_tiles: Vec<Vec<u32>>,
+    pub panel_tiles: Vec<Vec<u32>>,
 }
 
 /// The force arrays during a step.
@@ -93,11 +93,6 @@ impl ForceArrays {
             self.panel_tiles =
                 corners.map(|corners| distinct(corners.map(|vertex| tile_with(tiles, vertex)).collect())).collect();
         }
-    }
-
-    /// The tiles of the vertices that each task of [`Forces::panel_forces`] reads.
-    pub(crate) fn panel_tiles(&self) -> &[Vec<u32>] {
-        &self.panel_tiles
     }
 
     pub(crate) fn share<'a>(

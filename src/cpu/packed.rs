@@ -102,7 +102,7 @@ impl Packed {
         self.forces.pack(plan, terms.bending, terms.air, &partition.tiles, self.width);
         let is_new = self.terms != Some(terms);
         if is_new {
-            self.schedules = Schedule::all(terms, partition, &self.coarse, self.forces.panel_tiles());
+            self.schedules = Schedule::all(terms, partition, &self.coarse, &self.forces.panel_tiles);
             self.terms = Some(terms);
         }
         is_new

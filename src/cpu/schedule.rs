@@ -213,8 +213,8 @@ impl Resources<'_> {
             Domain::Triangles => self.panel_tiles.to_vec(),
             Domain::Borders(round) => partition.rounds[round].iter().map(|piece| piece.touches.clone()).collect(),
             Domain::Aggregates(level) => {
-                let chunks = (0..coarse.restrictions(level)).map(|chunk| coarse.levels[level].chunk(chunk));
-                chunks.map(|chunk| self.of_level(level, chunk.map(|aggregate| aggregate as u32))).collect()
+                let resources = |chunk: Range<usize>| self.of_level(level, chunk.map(|aggregate| aggregate as u32));
+                coarse.restrictions(level).map(resources).collect()
             }
             // A piece of the first round also receives the coarser correction for its whole tile, whichever edges it
             // has.
@@ -248,17 +248,15 @@ impl Resources<'_> {
                 // instead: the sweep of the smallest levels needs all aggregates anyway, and a worker without other
                 // work would restrict vertices that are in another core's cache rather than help that worker with its
                 // edges.
-                let chunks =
-                    (0..coarse.restrictions(level)).map(|chunk| coarse.members(level, coarse.levels[level].chunk(chunk)));
-                let below = |members| match level {
+                let below = |chunk| match level {
                     0 => (0..partition.tiles.len() as u32).collect(),
-                    _ => self.of_level(level - 1, members),
+                    _ => self.of_level(level - 1, coarse.members(level, chunk)),
                 };
-                chunks.map(below).collect()
+                coarse.restrictions(level).map(below).collect()
             }
             // In the first round the piece of a tile receives the correction of the next coarser level for that whole
             // tile.
-            Domain::PiecesOfLevel(level, 0) if level + 1 < coarse.len() => {
+            Domain::PiecesOfLevel(level, 0) if level + 1 < coarse.levels.len() => {
                 let labels = |tile: &Range<u32>| self.of_level(level + 1, coarse.labels(level + 1, tile.clone()));
                 coarse.partition(level).tiles.iter().map(labels).collect()
             }

@@ -3,6 +3,7 @@
 use glam::{Vec3A, Vec4};
 use rayon::prelude::*;
 
+use crate::HAS_THREADS;
 use crate::kernels::integrate::xyz;
 use crate::kernels::statistics::{
     MAX_STRETCH, MIN_SPEED, MIN_STRETCH, ONE, SLOW, SLOW_PARTS, Statistics, StrainGauge, WHOLE, class_of, is_crushed, ordered,
@@ -35,7 +36,7 @@ impl Observed<'_> {
         let of_gauges = |gauges| self.stretches(gauges);
         let of_vertices = |(x, u)| Observed { x, u, ..*self }.speeds();
         let together = |a: Statistics, b: Statistics| a.with(&b);
-        if alone {
+        if alone || !HAS_THREADS {
             let vertices = self.x.chunks(GRAIN).zip(self.u.chunks(GRAIN));
             return gauges.chunks(GRAIN).map(of_gauges).chain(vertices.map(of_vertices)).fold(Statistics::NONE, together);
         }

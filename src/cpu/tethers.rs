@@ -8,6 +8,7 @@ use crate::cpu::tasks::shared::lists::Indices;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::params::Substep;
 use crate::kernels::tether::{Tether, anchor_path, tethered};
+use crate::model::csr::distinct;
 use crate::simd::aligned::AlignedVec;
 use crate::simd::{self, Loop, Registers, Width};
 use crate::step::plan::Plan;
@@ -32,13 +33,13 @@ impl TetherBatches {
         for piece in pieces {
             let first = batches.anchors.len();
             let within = |range: &Range<u32>| {
-                let place = |end: u32| tethers.partition_point(|&(vertex, _)| vertex < end);
-                &tethers[place(range.start)..place(range.end)]
+                let place = |end: u32| tethers.partition_point(|&(vertex, _)| vertex < end) as u32;
+                place(range.start)..place(range.end)
             };
-            let mut own: Vec<(u32, Tether)> = piece.vertices.iter().flat_map(within).copied().collect();
-            own.sort_by_key(|(_, tether)| tether.anchor);
-            for alike in own.chunk_by(|(_, a), (_, b)| a.anchor == b.anchor) {
-                alike.chunks(lanes).for_each(|together| batches.push(together, lanes));
+            // By anchor, and those of an anchor by vertex.
+            let own = piece.vertices.iter().flat_map(within).map(|place| [tethers[place as usize].1.anchor, place]);
+            for alike in distinct(own.collect()).chunk_by(|a, b| a[0] == b[0]) {
+                alike.chunks(lanes).for_each(|together| batches.push(together, tethers, lanes));
             }
             batches.of.push(first..batches.anchors.len());
         }
@@ -47,9 +48,10 @@ impl TetherBatches {
         batches
     }
 
-    fn push(&mut self, together: &[(u32, Tether)], lanes: usize) {
-        let lane = |lane: usize| &together[lane.min(together.len() - 1)];
-        self.anchors.push(together[0].1.anchor);
+    /// Adds a batch of tethers, given by their anchor and their places.
+    fn push(&mut self, together: &[[u32; 2]], tethers: &[(u32, Tether)], lanes: usize) {
+        let lane = |lane: usize| &tethers[together[lane.min(together.len() - 1)][1] as usize];
+        self.anchors.push(together[0][0]);
         self.vertices.extend((0..lanes).map(|k| lane(k).0));
         self.numbers.push(lanes, |k| lane(k).1.length);
         self.numbers.push(lanes, |k| lane(k).1.slack);

@@ -37,7 +37,7 @@ impl Deformer {
     /// no gravity.
     pub(super) fn may_be_crushed(&self, attributes: &Attributes) -> bool {
         let Attributes { colliders, pin_targets, gravity, .. } = attributes;
-        let has_moved = |(now, last): (&Collider, &Collider)| !matches!(now.shape, Shape::Mesh { .. }) && now.shape != last.shape;
+        let has_moved = |(now, last): (&Collider, &Collider)| now.shape.mesh().is_none() && now.shape != last.shape;
         let is_led = || pin_targets.is_some() || self.state.motion.followed(colliders).any(has_moved);
         (*gravity == Vec3::ZERO || colliders.iter().any(has_flat_faces)) && is_led()
     }

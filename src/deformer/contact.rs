@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::Deformer;
 use super::decision::StepDecision;
-use crate::attributes::{Attributes, Collider, Shape, invalid};
+use crate::attributes::{Attributes, invalid};
 #[cfg(feature = "gpu")]
 use crate::device::IN_BROWSER;
 use crate::error::StepError;
@@ -79,7 +79,7 @@ impl Deformer {
             check(format_args!("pin_targets[{slot}]"), &to, way, "move the whole cloth with Deformer::warp")?;
         }
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
-            if matches!(now.shape, Shape::Mesh { .. }) {
+            if now.shape.mesh().is_some() {
                 let way = travel(&now.shape, &last.shape, Vec3::ZERO);
                 check(format_args!("colliders[{index}].mesh"), &"a vertex", way, "say that it was teleported")?;
             }
@@ -133,6 +133,5 @@ impl Deformer {
 
 /// The indices of mesh colliders.
 pub(super) fn mesh_colliders(attributes: &Attributes) -> impl Iterator<Item = usize> {
-    let is_mesh = |collider: &Collider| matches!(collider.shape, Shape::Mesh { .. });
-    (0..).zip(&attributes.colliders).filter(move |(_, collider)| is_mesh(collider)).map(|(index, _)| index)
+    (0..).zip(&attributes.colliders).filter(|(_, collider)| collider.shape.mesh().is_some()).map(|(index, _)| index)
 }

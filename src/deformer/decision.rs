@@ -83,23 +83,18 @@ impl Deformer {
         };
         controller.levels = levels as u32;
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
-        let lacks_levels = (levels as usize) < carrying;
         let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
-        let bounds = watch.bounds(&self.cloth, &self.rates, attributes, length);
-        let is_observed = self.is_observed(attributes);
-        let expected = Expectation { dt, load, length, has_contact, trades_levels };
-        let looks = Looks::default();
         Ok(StepDecision {
-            expected,
+            expected: Expectation { dt, load, length, has_contact, trades_levels },
             controller,
             substep_rate,
             substeps,
             levels,
-            lacks_levels,
+            lacks_levels: (levels as usize) < carrying,
             fastest,
-            bounds,
-            is_observed,
-            looks,
+            bounds: watch.bounds(&self.cloth, &self.rates, attributes, length),
+            is_observed: self.is_observed(attributes),
+            looks: Looks::default(),
         })
     }
 

@@ -43,7 +43,7 @@ impl Deformer {
     fn remedy(&self, cause: Instability) -> String {
         // Substeps per 1/60 s, the unit of `Quality::Substeps`.
         let h = self.coefficients.as_ref().map_or(0.0, |used| f64::from(used.length.h));
-        let (substeps, needed) = ((1.0 / (SIXTIETHS * h)).round(), (self.rates.explicit() / SIXTIETHS).ceil());
+        let (substeps, needed) = ((1.0 / (SIXTIETHS * h)).round(), (self.rates.explicit / SIXTIETHS).ceil());
         match (self.options.method, cause) {
             (Method::Springs, _) if substeps < needed => format!(
                 "{substeps} substeps per 1/60 s are too few for explicit springs, which need {needed} here; use that many, a softer fabric or SmallSteps"

@@ -59,7 +59,7 @@ impl Deformer {
             Method::Springs => 0.0,
             Method::Relaxation { .. } => f64::NAN,
         };
-        let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit()) as f32);
+        let explicit = (self.options.method == Method::Springs).then_some((f64::from(dt) * self.rates.explicit) as f32);
         let resolving = f64::from(dt) * self.rates.resolving(self.cloth.membrane_stiffness);
         let warnings = if sleeps { Vec::new() } else { self.warnings(&decision, bending.limited) };
         let substeps = if sleeps { 0 } else { substeps };
@@ -75,7 +75,7 @@ impl Deformer {
 
     /// Substeps per 1/60 s that explicit springs need with these options.
     pub(crate) fn explicit_substeps(&self, options: &Options) -> u32 {
-        (Rates::new(&self.cloth, options).explicit() / SIXTIETHS).ceil().min(f64::from(u32::MAX)) as u32
+        (Rates::new(&self.cloth, options).explicit / SIXTIETHS).ceil().min(f64::from(u32::MAX)) as u32
     }
 
     /// The warnings of a step that are known beforehand, with bending softened at `limited` vertices.

@@ -7,6 +7,7 @@ use crate::deformer::imperfection::FlatStart;
 use crate::error::{StateError, StepError};
 use crate::kernels::limits::is_bounded;
 use crate::kernels::statistics::Statistics;
+use crate::model::csr::distinct;
 use crate::options::Options;
 use crate::past::Past;
 use crate::record::{Hash, Recorded, recorded};
@@ -212,8 +213,7 @@ impl Deformer {
         let shape = cloth.rest.iter().fold(said(&cloth.origin), |hash, x| hash.with(bytemuck::bytes_of(&x.truncate())));
         let mesh = shape.with(bytemuck::cast_slice(&cloth.order)).with(bytemuck::cast_slice(&cloth.triangles));
         // Threads are edges without triangles. The order of all edges depends on the pins, too.
-        let mut edges: Vec<[u32; 2]> = cloth.links.iter().map(|link| link.ends).collect();
-        edges.sort_unstable();
+        let edges = distinct(cloth.links.iter().map(|link| link.ends).collect());
         let mesh = mesh.with(bytemuck::cast_slice(&edges));
         let list = |list: &[f32]| Hash::NOTHING.with(bytemuck::cast_slice(list));
         [

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec4};
 
 use super::Deformer;
-use crate::attributes::{Attributes, Collider, Shape};
+use crate::attributes::{Attributes, Collider};
 #[cfg(feature = "gpu")]
 use crate::backend::Engine;
 #[cfg(feature = "gpu")]
@@ -150,7 +150,7 @@ impl Deformer {
         let x: Vec<DVec3> = self.local.iter().map(|x| x.truncate().as_dvec3()).collect();
         let v: Vec<DVec3> = cloth.order.iter().map(|&v| self.velocities[v as usize].as_dvec3()).collect();
         // A mesh collider has no inside.
-        let solid = self.state.motion.colliders.iter().filter(|collider| !matches!(collider.shape, Shape::Mesh { .. }));
+        let solid = self.state.motion.colliders.iter().filter(|collider| collider.shape.mesh().is_none());
         let colliders: Vec<Collider> = solid.map(|collider| collider.relative_to(cloth.origin)).collect();
         Ok(Measure::new(cloth, f64::from(self.options.fabric.bending), &x, &v, self.state.gravity, &colliders))
     }

@@ -3,7 +3,7 @@
 use glam::Vec4;
 
 use super::Deformer;
-use crate::attributes::{Attributes, Collider, Shape};
+use crate::attributes::{Attributes, Collider};
 use crate::contact::untangle::untangle;
 use crate::error::StepError;
 use crate::kernels::contact::Body;
@@ -44,20 +44,13 @@ impl Deformer {
         attributes.validate(self.cloth.pinned.len())?;
         self.positions()?;
         let origin = self.cloth.origin;
-        let bodies: Vec<Mesh> = attributes
-            .colliders
-            .iter()
-            .filter_map(|collider| match &collider.shape {
-                Shape::Mesh { mesh } => {
-                    let positions = mesh.positions.iter().map(|&x| x - origin).collect();
-                    Some(Mesh { positions, triangles: mesh.triangles.clone() })
-                }
-                _ => None,
-            })
-            .collect();
+        let meshes = attributes.colliders.iter().filter_map(|collider| collider.shape.mesh());
+        let positions = |mesh: &Mesh| mesh.positions.iter().map(|&x| x - origin).collect();
+        let bodies: Vec<Mesh> =
+            meshes.map(|mesh| Mesh { positions: positions(mesh), triangles: mesh.triangles.clone() }).collect();
         let at_rest = |collider: &Collider| moving(collider, collider, &self.cloth);
-        let is_analytic = |collider: &&Collider| !matches!(collider.shape, Shape::Mesh { .. });
-        let analytic: Vec<Body> = attributes.colliders.iter().filter(is_analytic).map(at_rest).collect();
+        let analytic = attributes.colliders.iter().filter(|collider| collider.shape.mesh().is_none());
+        let analytic: Vec<Body> = analytic.map(at_rest).collect();
         let mut x: Vec<Vec4> = self.local.clone();
         let thickness = self.options.contact.unwrap_or_default().thickness;
         let untangled = untangle(&self.cloth, &mut x, &bodies, &analytic, thickness);

@@ -10,6 +10,7 @@ use std::ops::Range;
 use glam::Vec4;
 use rayon::prelude::*;
 
+use crate::HAS_THREADS;
 use crate::device::Gpu;
 use crate::gpu::stage::NONE;
 use crate::kernels::distance::Edge;
@@ -81,9 +82,8 @@ impl Tiles {
         let room = most.room.min(1 << 16);
         let source = Source::new(rest, rest.len(), links, colors, room);
         let pieces = cut_into_pieces(rest, links.iter().map(|link| link.ends), most.own.min(room).max(1));
-        let seen = || vec![false; rest.len()];
-        let tiles: Option<Vec<Vec<Tile>>> = pieces.into_par_iter().map_init(seen, |seen, own| source.fit(own, seen)).collect();
-        let tiles: Vec<Tile> = tiles?.into_iter().flatten().collect();
+        let tiles = each_piece(pieces, rest.len(), |own, seen| source.fit(own, seen))?;
+        let tiles: Vec<Tile> = tiles.into_iter().flatten().collect();
         let held: usize = tiles.iter().map(|tile| tile.vertices.len()).sum();
         // Beyond this amount of redundant computation tiles do not pay off.
         let fits = size_of::<u32>() * words(&tiles, colors.len()).iter().sum::<usize>() <= most.bytes;
@@ -99,9 +99,8 @@ impl Tiles {
         room: usize,
     ) -> Option<Tiles> {
         let source = Source::new(&[], count, links, colors, room);
-        let seen = || vec![false; count];
-        let tiles: Option<Vec<Tile>> = pieces.par_iter().map_init(seen, |seen, own| source.tile(own, seen)).collect();
-        Some(Tiles::lay_out(&tiles?, count, links, colors.len()))
+        let tiles = each_piece(pieces, count, |own, seen| source.tile(own, seen))?;
+        Some(Tiles::lay_out(&tiles, count, links, colors.len()))
     }
 
     fn lay_out(tiles: &[Tile], vertices: usize, links: &[Link], colors: usize) -> Tiles {
@@ -202,6 +201,20 @@ impl Tiles {
         [("LANES", invocations), ("ROOM", self.largest), ("WIDTH", self.widest), ("COLORS", self.colors), ("TILES", self.count)]
             .map(|(name, value)| (name, value as f64))
     }
+}
+
+/// What `work` returns for each piece, in parallel. It is also given room for a mark for each of `count` vertices.
+fn each_piece<P: Send, T: Send>(
+    pieces: impl IntoIterator<Item = P> + IntoParallelIterator<Item = P>,
+    count: usize,
+    work: impl Fn(P, &mut [bool]) -> Option<T> + Sync,
+) -> Option<Vec<T>> {
+    let marks = || vec![false; count];
+    if HAS_THREADS {
+        return pieces.into_par_iter().map_init(marks, |marks, piece| work(piece, marks)).collect();
+    }
+    let mut marks = marks();
+    pieces.into_iter().map(|piece| work(piece, &mut marks)).collect()
 }
 
 /// Most vertices in a tile.

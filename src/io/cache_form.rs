@@ -70,15 +70,15 @@ impl CacheForm {
     pub(super) fn check(&self, vertices: usize, samples: usize) -> Result<[i32; 2], PointCacheError> {
         let count = |things, count: usize| i32::try_from(count).map_err(|_| PointCacheError::TooMany { things, count });
         let counts = [count("vertices", vertices)?, count("samples", samples)?];
+        let wrong = |problem| Err(PointCacheError::Form { problem });
         match self {
             CacheForm::Pc2 => {}
             CacheForm::Mdd { fps } => {
                 check_rate(*fps)?;
                 if !((samples as f64 / f64::from(*fps)) as f32).is_finite() {
-                    let problem = format!(
+                    return wrong(format!(
                         "fps = {fps}; {samples} samples take more seconds than single precision holds; give a higher rate"
-                    );
-                    return Err(PointCacheError::Form { problem });
+                    ));
                 }
             }
             CacheForm::Usda { fps, faces, texture, .. } => {
@@ -86,19 +86,17 @@ impl CacheForm {
                 let is_face = |face: &Vec<u32>| face.len() > 2 && face.iter().all(|&corner| (corner as usize) < vertices);
                 if let Some(face) = faces.iter().position(|face| !is_face(face)) {
                     let corners = &faces[face];
-                    let problem = format!("face {face} has the corners {corners:?}; give three or more of {vertices} vertices");
-                    return Err(PointCacheError::Form { problem });
+                    return wrong(format!("face {face} has the corners {corners:?}; give three or more of {vertices} vertices"));
                 }
                 let corners: usize = faces.iter().map(Vec::len).sum();
                 if !texture.is_empty() && texture.len() != corners {
                     let given = texture.len();
-                    let problem =
-                        format!("{given} texture coordinates were given for {corners} corners; give one for each, or none");
-                    return Err(PointCacheError::Form { problem });
+                    return wrong(format!(
+                        "{given} texture coordinates were given for {corners} corners; give one for each, or none"
+                    ));
                 }
                 if let Some(corner) = texture.iter().position(|uv| !uv.is_finite()) {
-                    let problem = format!("texture[{corner}] is {}; give finite numbers", texture[corner]);
-                    return Err(PointCacheError::Form { problem });
+                    return wrong(format!("texture[{corner}] is {}; give finite numbers", texture[corner]));
                 }
             }
         }
@@ -109,12 +107,9 @@ impl CacheForm {
     pub(super) fn write_header(&self, file: &mut impl Write, [vertices, samples]: [i32; 2]) -> io::Result<()> {
         match self {
             CacheForm::Pc2 => {
+                let (version, [start, rate]) = (1_i32.to_le_bytes(), [1_f32.to_le_bytes(); 2]);
                 file.write_all(b"POINTCACHE2\0")?;
-                file.write_all(&1_i32.to_le_bytes())?;
-                file.write_all(&vertices.to_le_bytes())?;
-                file.write_all(&1_f32.to_le_bytes())?;
-                file.write_all(&1_f32.to_le_bytes())?;
-                file.write_all(&samples.to_le_bytes())
+                file.write_all([version, vertices.to_le_bytes(), start, rate, samples.to_le_bytes()].as_flattened())
             }
             CacheForm::Mdd { fps } => {
                 file.write_all(&samples.to_be_bytes())?;

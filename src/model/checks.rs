@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::error::BuildError;
-use crate::kernels::limits::{MAX_VERTICES, is_bounded};
+use crate::kernels::limits::MAX_VERTICES;
 use crate::model::masses::is_mass;
 use crate::model::mesh::Mesh;
 use crate::options::Options;
@@ -20,16 +20,13 @@ pub(crate) fn check_mesh(mesh: &Mesh) -> Result<(), BuildError> {
     if vertices > MAX_VERTICES {
         return Err(BuildError::TooManyVertices { vertices });
     }
-    let inside = |position: &Vec3| is_bounded(*position);
-    if let Some(vertex) = mesh.positions.iter().position(|position| !inside(position)) {
+    if let Some(vertex) = mesh.unbounded_vertex() {
         return Err(BuildError::Position { vertex, position: mesh.positions[vertex] });
     }
-    for (triangle, corners) in mesh.triangles.iter().enumerate() {
-        if let Some(&index) = corners.iter().find(|&&index| index as usize >= vertices) {
-            return Err(BuildError::Index { triangle, index, vertices });
-        }
+    match mesh.missing_vertex() {
+        Some((triangle, index)) => Err(BuildError::Index { triangle, index, vertices }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// Bounds on the thickness of contact as shares of the cloth's size. Below the first, rounding of positions is as much as what

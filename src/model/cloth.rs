@@ -4,7 +4,6 @@
 //! passes (`tests/memory.rs`). Of the 350 bytes, 96 are the three edges stored here, 48 their coefficients for one
 //! length of substep, and 64 the state and the copy of it for undoing a step.
 
-use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -16,7 +15,7 @@ use crate::kernels::statistics::StrainGauge;
 use crate::kernels::wind::Panel;
 use crate::model::bending::Bending;
 use crate::model::checks::{check_mesh, check_options, check_thickness};
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::model::extents::{Extents, extents};
 use crate::model::link::{Link, Visits};
 use crate::model::links::{Links, Slivers, shortest, sort_by_color};
@@ -350,8 +349,8 @@ impl Cloth {
 
     /// Ends the motion `p` of vertices that are not pinned and have no edges: they stay where they are.
     pub(crate) fn stop_loose(&self, p: &mut [Vec4]) {
-        let pinned: HashSet<u32> = self.pinned.iter().copied().collect();
-        let loose = (0..).zip(p).skip(self.used).filter(|(vertex, _)| !pinned.contains(vertex));
+        let pinned = distinct(self.pinned.clone());
+        let loose = (0..).zip(p).skip(self.used).filter(|(vertex, _)| pinned.binary_search(vertex).is_err());
         loose.for_each(|(_, p)| *p = Vec4::ZERO.with_w(p.w));
     }
 

@@ -48,9 +48,8 @@ pub(crate) fn color_in_turn(edges: &[[u32; 2]], positions: &[Vec3], are_first: &
     let of_others: Vec<[u32; 2]> = others.iter().map(|&edge| edges[edge as usize]).collect();
     let Coloring { of: colors_of_others, mut colors } = color(&of_others, positions);
     let [first, later] = [true, false].map(|first| {
-        let mut palette: Vec<u32> = turns.iter().copied().filter(|&edge| are_first[edge as usize] == first).collect();
-        palette.sort_by_key(|&edge| direction(edges[edge as usize], positions));
-        palette
+        let palette = turns.iter().copied().filter(|&edge| are_first[edge as usize] == first);
+        Csr::new(DIRECTIONS, palette.map(|edge| (direction(edges[edge as usize], positions), edge))).items
     });
     let in_turn = greedy(edges, [&first[..], &later[..]].into_iter(), usize::MAX, positions.len()).expect("colors without end");
     let mut of = in_turn.of;

@@ -1,5 +1,7 @@
 //! An edge of the cloth, with its rest length and stiffness.
 
+use crate::model::csr::distinct;
+
 /// How often a sweep visits an edge: see [`shells`](crate::model::shells).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) enum Visits {
@@ -36,6 +38,12 @@ impl Link {
     pub(crate) fn is_firm(&self, least: f32) -> bool {
         self.scale > 0.0 && self.scale >= least
     }
+}
+
+/// Edges, of which no two have the same vertices, in the order of these.
+pub(crate) fn in_order(links: &[Link]) -> impl Iterator<Item = &Link> {
+    let places = (0..).zip(links).map(|(place, &Link { ends: [a, b], .. })| [a, b, place]);
+    distinct(places.collect()).into_iter().map(|[.., place]: [u32; 3]| &links[place as usize])
 }
 
 /// The factor of a cloth's firm edges: that of all if they agree, else 1, or the largest if no edge has half of that.

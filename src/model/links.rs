@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::Vec3;
 
 use crate::model::coloring;
-use crate::model::link::{Link, Visits, firm};
+use crate::model::link::{Link, Visits, firm, in_order};
 use crate::options::Options;
 
 /// The edges of a mesh, in its order, between renumbered vertices.
@@ -90,18 +90,16 @@ pub(super) fn shortest(longest: f64) -> f64 {
 /// Returns the range of each color.
 pub(super) fn sort_by_color(links: &mut [Link], rest: &[Vec3], inverse_mass: &[f32]) -> Vec<Range<usize>> {
     let is_free = |link: &Link| link.ends.iter().any(|&vertex| inverse_mass[vertex as usize] > 0.0);
-    links.sort_unstable_by_key(|link| (!is_free(link), link.ends));
-    let free = links.partition_point(is_free);
-    let ends: Vec<[u32; 2]> = links[..free].iter().map(|link| link.ends).collect();
-    let is_first: Vec<bool> = links[..free].iter().map(|link| link.visits == Visits::FirstAndLast).collect();
+    let (free, held): (Vec<Link>, Vec<Link>) = in_order(links).partition(|link| is_free(link));
+    let ends: Vec<[u32; 2]> = free.iter().map(|link| link.ends).collect();
+    let is_first: Vec<bool> = free.iter().map(|link| link.visits == Visits::FirstAndLast).collect();
     let colors = coloring::color_in_turn(&ends, rest, &is_first).batches();
-    let sorted: Vec<Link> = colors.items.iter().map(|&place| links[place as usize]).collect();
-    links[..free].copy_from_slice(&sorted);
-    let colors: Vec<Range<usize>> = colors.spans.iter().map(|span| span.range()).collect();
-    for color in &colors {
-        let (mut first, others): (Vec<Link>, Vec<Link>) = links[color.clone()].iter().partition(|link| link.is_visited_twice());
-        first.extend(others);
-        links[color.clone()].copy_from_slice(&first);
-    }
-    colors
+    let of_color = |places: &[u32]| {
+        let links = places.iter().map(|&place| free[place as usize]);
+        let (first, others): (Vec<Link>, Vec<Link>) = links.partition(Link::is_visited_twice);
+        first.into_iter().chain(others)
+    };
+    let sorted = colors.lists().flat_map(of_color).chain(held);
+    links.iter_mut().zip(sorted).for_each(|(link, sorted)| *link = sorted);
+    colors.spans.iter().map(|span| span.range()).collect()
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use crate::kernels::limits::is_bounded;
 use crate::model::csr::{Csr, distinct};
 use crate::record::{Recorded, Tape, Unreadable};
 
@@ -64,6 +65,18 @@ impl Mesh {
         std::ptr::eq(self, other) || self.positions.len() == other.positions.len() && has_same()
     }
 
+    /// The first vertex whose position is not finite or beyond 1e15 m.
+    pub(crate) fn unbounded_vertex(&self) -> Option<usize> {
+        first_failing(&self.positions, |x| is_bounded(*x))
+    }
+
+    /// The first triangle with a vertex that does not exist, and that vertex.
+    pub(crate) fn missing_vertex(&self) -> Option<(usize, u32)> {
+        let corners = self.triangles.as_flattened();
+        let place = first_failing(corners, |&vertex| (vertex as usize) < self.positions.len())?;
+        Some((place / 3, corners[place]))
+    }
+
     /// The lowest and highest corner of the bounding box (m).
     pub(crate) fn bounds(&self) -> [Vec3; 2] {
         bounds(&self.positions)
@@ -93,6 +106,12 @@ impl Mesh {
     }
 }
 
+/// The first item that fails a test. A test of all is faster than a search for it, and in nearly all meshes none fails.
+fn first_failing<T>(items: &[T], passes: impl Fn(&T) -> bool) -> Option<usize> {
+    let all_pass = items.iter().fold(true, |all, item| all & passes(item));
+    if all_pass { None } else { items.iter().position(|item| !passes(item)) }
+}
+
 /// See [`Mesh::vertex_areas`].
 pub(crate) fn vertex_areas(triangles: &[[u32; 3]], positions: &[Vec3]) -> Vec<f64> {
     let mut area = vec![0.0; positions.len()];
@@ -114,8 +133,7 @@ impl Recorded for Arc<Mesh> {
         mesh.positions.record(tape)?;
         mesh.triangles.record(tape)?;
         if let Tape::In(_) = tape {
-            let vertices = mesh.positions.len();
-            if mesh.triangles.iter().flatten().any(|&vertex| vertex as usize >= vertices) {
+            if mesh.missing_vertex().is_some() {
                 return Err(Unreadable);
             }
             *self = Arc::new(mesh);

@@ -18,11 +18,11 @@
 //! follow only firm edges.
 
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashSet};
+use std::collections::BinaryHeap;
 
 use glam::{DVec3, Vec4};
 
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::{Link, least_firm};
 
@@ -127,8 +127,8 @@ impl<'a> ShortestPaths<'a> {
         let (vertices, least) = (cloth.rest.len(), least_firm(cloth.links));
         let firm =
             cloth.links.iter().filter(|link| link.is_firm(least)).flat_map(|link| [link.ends, [link.ends[1], link.ends[0]]]);
-        let soft: HashSet<[u32; 2]> = cloth.links.iter().filter(|link| !link.is_firm(least)).map(|link| link.ends).collect();
-        let is_soft = |a: u32, b: u32| soft.contains(&[a.min(b), a.max(b)]);
+        let soft = distinct(cloth.links.iter().filter(|link| !link.is_firm(least)).map(|link| link.ends).collect());
+        let is_soft = |a: u32, b: u32| soft.binary_search(&[a.min(b), a.max(b)]).is_ok();
         let of_firm =
             |&(_, &[a, b, c]): &(usize, &[u32; 3])| soft.is_empty() || !(is_soft(a, b) || is_soft(b, c) || is_soft(c, a));
         let triangles = cloth.triangles.iter().enumerate().filter(of_firm);

@@ -1,11 +1,9 @@
 //! Aggregation: divides the vertices of a mesh into connected, balanced, nested groups.
 
-use std::collections::HashMap;
-
 use glam::{DVec3, Vec3};
 
 use crate::model::cloth::Cloth;
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 use crate::model::mesh::bounds;
@@ -83,7 +81,7 @@ impl Bisection {
     /// close in memory.
     pub(crate) fn of_level(&self, cloth: &Cloth, level: u32) -> (Vec<u32>, usize) {
         let vertices = self.path.len();
-        let cell = |vertex: u32| (self.part[vertex as usize], self.path[vertex as usize] >> (2 * level).min(31));
+        let cell = |vertex: u32| [self.part[vertex as usize], self.path[vertex as usize] >> (2 * level).min(31)];
         let is_free = |vertex: u32| cloth.rest[vertex as usize].w > 0.0;
         let mut sets = DisjointSets::new(vertices);
         for link in holding(cloth) {
@@ -92,9 +90,12 @@ impl Bisection {
                 sets.join([a, b]);
             }
         }
-        let mut pinned: HashMap<(u32, u32), u32> = HashMap::new();
-        for &vertex in &cloth.pinned {
-            sets.join([*pinned.entry(cell(vertex)).or_insert(vertex), vertex]);
+        let pinned = cloth.pinned.iter().map(|&vertex| {
+            let [part, path] = cell(vertex);
+            [part, path, vertex]
+        });
+        for pair in distinct(pinned.collect()).windows(2).filter(|pair| pair[0][..2] == pair[1][..2]) {
+            sets.join([pair[0][2], pair[1][2]]);
         }
         let mut number = vec![u32::MAX; vertices];
         let mut count = 0;

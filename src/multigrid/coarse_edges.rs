@@ -1,14 +1,13 @@
 //! The edges between aggregates: which aggregates are joined, and the rest length and stiffness of each edge. The
 //! reasons are in [`hierarchy`](super::hierarchy).
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::model::cloth::Cloth;
 use crate::model::coloring;
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::model::link::{Link, Visits};
 use crate::multigrid::aggregation::{Aggregate, holding};
 
@@ -229,8 +228,8 @@ pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u3
     let near = Csr::new(aggregates.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
     let mut found = Vec::new();
     for a in 0..aggregates.len() as u32 {
-        // For each aggregate two rings away, the sides of the line to it on which there is a common neighbor.
-        let mut sides: BTreeMap<u32, [bool; 2]> = BTreeMap::new();
+        // The aggregates two rings away, with the sides of the line to them on which there is a common neighbor.
+        let mut sides: Vec<[u32; 2]> = Vec::new();
         for &between in near.of(a).iter().filter(|&&between| near.of(between).len() <= CROWDED) {
             for &b in near.of(between) {
                 // Neighbors are sorted because the pairs are.
@@ -239,11 +238,12 @@ pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u3
                 }
                 let [x, y, z] = [a, between, b].map(|aggregate| aggregates[aggregate as usize].center);
                 let side = (y - x).cross(z - x).dot(aggregates[a as usize].normal() + aggregates[b as usize].normal());
-                sides.entry(b).or_default()[usize::from(side > 0.0)] = true;
+                sides.push([b, u32::from(side > 0.0)]);
             }
         }
-        let held = |b: &u32| !(aggregates[a as usize].pinned && aggregates[*b as usize].pinned);
-        found.extend(sides.iter().filter(|(b, sides)| **sides == [true; 2] && held(b)).map(|(&b, _)| [a, b]));
+        let held = |b: u32| !(aggregates[a as usize].pinned && aggregates[b as usize].pinned);
+        let both = |sides: &[[u32; 2]]| (sides[0][0] == sides[1][0] && held(sides[0][0])).then_some([a, sides[0][0]]);
+        found.extend(distinct(sides).windows(2).filter_map(both));
     }
     found
 }

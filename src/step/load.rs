@@ -101,7 +101,7 @@ impl Fastest {
             let speed = speed / dt;
             if speed > self.solid.1 && is_near(cloth, now, reach, dt, self.whereabouts) {
                 self.collider = faster(self.collider, (index, speed));
-                if !matches!(now.shape, Shape::Mesh { .. }) {
+                if now.shape.mesh().is_none() {
                     self.solid = (index, speed);
                 }
             }
@@ -256,7 +256,7 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, whereabouts
     whereabouts.is_none_or(|Whereabouts { low, high, fastest }| {
         let reach = STEPS_AHEAD * (f64::from(fastest) * dt + travel);
         // The vertices of meshes are not shifted by `relative_to`, so the box is compared in the caller's coordinates.
-        let origin = if let Shape::Mesh { .. } = collider.shape { cloth.origin } else { Vec3::ZERO };
+        let origin = if collider.shape.mesh().is_some() { cloth.origin } else { Vec3::ZERO };
         f64::from(gap(&collider.relative_to(cloth.origin).shape, low + origin, high + origin)) <= reach
     })
 }
@@ -283,7 +283,7 @@ fn kinematic_speed(
     });
     let mut of_meshes = Vec::new();
     for (now, last) in motion.followed(&attributes.colliders) {
-        if let (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) = (&now.shape, &last.shape) {
+        if let (Some(to), Some(from)) = (now.shape.mesh(), last.shape.mesh()) {
             let moves = || from.positions.iter().zip(&to.positions).map(|(&from, &to)| [from, to - from]);
             let relative = travel(&now.shape, &last.shape, course);
             if !is_near(cloth, now, relative + f64::from(thickness), f64::from(dt), whereabouts) {

@@ -114,7 +114,7 @@ impl Motion {
     pub(crate) fn check(&self, colliders: &[Collider]) -> Result<(), StepError> {
         let has_others = |(index, now): (usize, &Collider)| {
             let last = self.named(index, now.id?)?;
-            let are_meshes = [now, last].iter().all(|collider| matches!(collider.shape, Shape::Mesh { .. }));
+            let are_meshes = [now, last].iter().all(|collider| collider.shape.mesh().is_some());
             (are_meshes && !now.teleported && !last.is_followed_by(now)).then(|| {
                 let remedy = "are not those that it had in the last step; give it another id, or say that it was teleported";
                 invalid(format_args!("colliders[{index}].mesh"), "its triangles", remedy)

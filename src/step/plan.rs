@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::attributes::{Attributes, Shape};
+use crate::attributes::Attributes;
 use crate::kernels::contact::Body;
 use crate::kernels::contact::near::Clear;
 use crate::kernels::distance::{SLACK_BAND, SLACK_BAND_OF_FEW};
@@ -164,16 +164,11 @@ impl StepInputs<'_> {
 }
 
 impl PlanBuffers {
-    fn set_substeps(&mut self, inputs: &StepInputs<'_>) {
-        self.substeps.clear();
-        self.substeps.extend((0..inputs.substeps).map(|index| inputs.substep(index)));
-    }
-
     fn set_colliders(&mut self, inputs: &StepInputs<'_>) {
         self.bodies.clear();
         self.meshes.clear();
         for (now, last) in inputs.motion.followed(&inputs.attributes.colliders) {
-            if let (Shape::Mesh { mesh: to }, Shape::Mesh { mesh: from }) = (&now.shape, &last.shape) {
+            if let (Some(to), Some(from)) = (now.shape.mesh(), last.shape.mesh()) {
                 self.meshes.push(MeshBody { from: Arc::clone(from), to: Arc::clone(to), friction: now.friction });
             } else {
                 self.bodies.push(moving(now, last, inputs.cloth));
@@ -212,7 +207,8 @@ impl<'a> Plan<'a> {
     /// Turns what a step follows from into the numbers that the kernels take.
     pub(crate) fn new(inputs: &StepInputs<'a>, buffers: &'a mut PlanBuffers) -> Plan<'a> {
         let StepInputs { cloth, levels, options, coefficients, motion, .. } = *inputs;
-        buffers.set_substeps(inputs);
+        buffers.substeps.clear();
+        buffers.substeps.extend((0..inputs.substeps).map(|index| inputs.substep(index)));
         buffers.set_colliders(inputs);
         let colliders = buffers.bodies.len();
         buffers.add_anchors(inputs);

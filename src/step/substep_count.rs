@@ -68,7 +68,7 @@ pub(crate) struct Rates {
     /// The same, with each edge weighted by how much of the cloth can hang on it.
     loaded: f64,
     /// Substeps per second at the explicit stability limit; 0 unless the method is explicit.
-    explicit: f64,
+    pub explicit: f64,
     /// [`Length::changes`].
     changes: u32,
 }
@@ -163,11 +163,6 @@ impl Rates {
     pub(crate) fn explicit_shortfall(&self, dt: f32, substeps: u32) -> Option<u32> {
         let needed = f64::from(dt) * self.explicit;
         (needed > f64::from(substeps)).then_some(needed.ceil().min(f64::from(u32::MAX)) as u32)
-    }
-
-    /// Substeps per second that explicit springs need.
-    pub(crate) fn explicit(&self) -> f64 {
-        self.explicit
     }
 
     /// Substeps per second that resolve a stiffness (N/m).

@@ -64,7 +64,7 @@ impl Folded {
         let scope = DetectionScope { substeps: paths.ahead, thickness: THICKNESS };
         let input = DetectionInput { surface, bodies_rest: false, path, scope, width: Width::detected() };
         match around {
-            None => detection.run(input, [of_cloth, of_bodies], lists, |_, _, _| false).unwrap(),
+            None => detection.run(input, [of_cloth, of_bodies], lists, &|_, _, _| false).unwrap(),
             Some(vertices) => {
                 detection.run_around(input, vertices, [of_cloth, of_bodies], lists).unwrap();
             }

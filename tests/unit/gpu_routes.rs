@@ -57,20 +57,24 @@ fn mesh(columns: u32, rows: u32) -> Mesh {
 /// depending on the last bit, and the difference between two correct routes would exceed the error of a wrong one.
 const FRAMES: u8 = 2;
 
-/// The state after some steps with colliders, moving pins and, if `windy`, bending and wind.
-fn play(engine: &mut Engine, cloth: &Cloth, options: &Options, windy: bool, levels: usize) -> (Vec<Vec4>, Vec<Vec4>) {
-    play_from(1.0, engine, cloth, options, windy, levels)
+/// Positions and momenta.
+type Ends = (Vec<Vec4>, Vec<Vec4>);
+
+/// The state on the CPU after some steps with colliders, moving pins and, if `windy`, bending and wind.
+fn play(cloth: &Cloth, options: &Options, windy: bool, levels: usize) -> Ends {
+    play_from(1.0, &mut Engine::Cpu(Box::new(Cpu::new(cloth))), cloth, options, windy, levels)
+}
+
+/// The same on the GPU, and the engine that did it.
+fn play_on(engine: GpuEngine, cloth: &Cloth, options: &Options, windy: bool, levels: usize) -> (Box<GpuEngine>, Ends) {
+    let mut engine = Engine::Gpu(Box::new(engine));
+    let ends = play_from(1.0, &mut engine, cloth, options, windy, levels);
+    let Engine::Gpu(engine) = engine else { unreachable!("made above") };
+    (engine, ends)
 }
 
 /// The same, starting from positions that are `scale` times as far from the origin.
-fn play_from(
-    scale: f32,
-    engine: &mut Engine,
-    cloth: &Cloth,
-    options: &Options,
-    windy: bool,
-    levels: usize,
-) -> (Vec<Vec4>, Vec<Vec4>) {
+fn play_from(scale: f32, engine: &mut Engine, cloth: &Cloth, options: &Options, windy: bool, levels: usize) -> Ends {
     let wave = |k: usize, f: f32| (k as f32 * f).sin();
     let p: Vec<Vec4> = (0..cloth.rest.len()).map(|k| 0.3 * Vec4::new(wave(k, 0.7), wave(k, 1.1), wave(k, 1.7), 0.0)).collect();
     let p: Vec<Vec4> = p.iter().zip(&cloth.rest).map(|(p, x)| if x.w > 0.0 { *p } else { Vec4::ZERO }).collect();
@@ -140,7 +144,7 @@ fn every_path_agrees_with_the_cpu() {
             let mut options = Options { method, pinned: vec![3, 100, 200], ..Options::default() };
             options.fabric.bending = if windy { 1e-4 } else { 0.0 };
             let cloth = Cloth::new(&mesh, &options).unwrap();
-            let (x, p) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, windy, levels);
+            let (x, p) = play(&cloth, &options, windy, levels);
             let (moved, speed) = (apart(&x, &cloth.rest), apart(&p, &vec![Vec4::ZERO; p.len()]));
             assert!(moved > 0.01, "{name}: moved by {moved} m");
             let rounding = rounding(&cloth, &options, windy, levels, &x) / moved;
@@ -153,9 +157,7 @@ fn every_path_agrees_with_the_cpu() {
                 let tiled = matches!(engine.sweep, EdgeSweep::Tiled(_));
                 let may_be = route != Route::PerColor && method == Method::SmallSteps;
                 assert_eq!(tiled, may_be, "{name}: {route:?} {method:?}");
-                let mut engine = Engine::Gpu(Box::new(engine));
-                let (x_gpu, p_gpu) = play(&mut engine, &cloth, &options, windy, levels);
-                let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+                let (engine, (x_gpu, p_gpu)) = play_on(engine, &cloth, &options, windy, levels);
                 let once = engine.dispatches == 1;
                 assert_eq!(once, route == Route::SingleWorkgroup, "{name}: {route:?} {method:?}");
                 let (dx, dp) = (apart(&x, &x_gpu) / moved, apart(&p, &p_gpu) / speed);
@@ -183,7 +185,7 @@ fn bending_agrees_with_the_cpu_on_every_path() {
             let cloth = Cloth::new(&mesh, &options).unwrap();
             let count = Coefficients::new(&cloth, &[], &options, Length::of(DT / SUBSTEPS as f32)).bending.passes.len();
             assert!(passes.contains(&count), "{name}, B = {bending}: {count} passes");
-            let (x, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 0);
+            let (x, _) = play(&cloth, &options, false, 0);
             let moved = apart(&x, &cloth.rest);
             let size = TileSize { own: 40, room: gpu.workgroup_memory() / IN_TILE, bytes: usize::MAX };
             // With the sweep, which does a single pass only; in tiles of its own; with a dispatch per stage.
@@ -191,9 +193,7 @@ fn bending_agrees_with_the_cpu_on_every_path() {
                 let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.forces.bend_in_tiles = in_tiles;
                 engine.more[Besides::Bending as usize] = if with_sweep { OnDemand::new() } else { OnDemand::from(None) };
-                let mut engine = Engine::Gpu(Box::new(engine));
-                let (end, _) = play(&mut engine, &cloth, &options, false, 0);
-                let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+                let (engine, (end, _)) = play_on(engine, &cloth, &options, false, 0);
                 let fused = with_sweep && count <= 1;
                 assert_eq!(
                     engine.more[Besides::Bending as usize].get().is_some_and(Option::is_some),
@@ -204,9 +204,7 @@ fn bending_agrees_with_the_cpu_on_every_path() {
                 end
             });
             let alone = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::SingleWorkgroup, size).unwrap();
-            let mut alone = Engine::Gpu(Box::new(alone));
-            let (end, _) = play(&mut alone, &cloth, &options, false, 0);
-            let Engine::Gpu(alone) = &alone else { unreachable!("made above") };
+            let (alone, (end, _)) = play_on(alone, &cloth, &options, false, 0);
             assert_eq!(alone.dispatches, 1);
             let distances = [(&x, &ends[0]), (&ends[0], &ends[1]), (&ends[0], &ends[2]), (&ends[0], &end)];
             let [dx, between, parts, single] = distances.map(|(a, b)| apart(a, b) / moved);
@@ -232,9 +230,7 @@ fn tiles_correct_by_a_level_as_a_dispatch_of_its_own_does() {
                 let fused = corrected.get().is_none();
                 let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.more[Besides::Correcting as usize] = corrected;
-                let mut engine = Engine::Gpu(Box::new(engine));
-                let end = play(&mut engine, &cloth, &options, windy, 1);
-                let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+                let (engine, end) = play_on(engine, &cloth, &options, windy, 1);
                 assert_eq!(engine.more[Besides::Correcting as usize].get().is_some_and(Option::is_some), fused, "{name}");
                 end
             });
@@ -258,9 +254,7 @@ fn tiles_that_bend_average_for_the_levels() {
             let ends = [true, false].map(|in_tiles| {
                 let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
                 engine.forces.bend_in_tiles = in_tiles;
-                let mut engine = Engine::Gpu(Box::new(engine));
-                let (end, _) = play(&mut engine, &cloth, &options, false, levels);
-                let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+                let (engine, (end, _)) = play_on(engine, &cloth, &options, false, levels);
                 assert_eq!(engine.forces.bending.as_ref().map(Bending::averages), Some(in_tiles), "{name}");
                 end
             });
@@ -392,8 +386,8 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
     let gpu = Gpu::shared(true).unwrap();
     let options = Options { pinned: vec![3, 100, 200], ..Options::default() };
     let cloth = Cloth::new(&mesh(110, 90), &options).unwrap();
-    let (x, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 3);
-    let (plain, _) = play(&mut Engine::Cpu(Box::new(Cpu::new(&cloth))), &cloth, &options, false, 0);
+    let (x, _) = play(&cloth, &options, false, 3);
+    let (plain, _) = play(&cloth, &options, false, 0);
     let rounding = rounding(&cloth, &options, false, 3, &x) / apart(&x, &cloth.rest);
     assert!(apart(&x, &plain) > 1e-4 * apart(&x, &cloth.rest), "levels matter here");
     let of_level: Vec<usize> = Hierarchy::new(&cloth).levels.iter().map(|level| level.inverse_mass.len()).collect();
@@ -401,9 +395,7 @@ fn levels_too_large_for_a_workgroup_agree_with_the_cpu() {
         let size = TileSize { own: 100, room: 700, bytes: usize::MAX };
         let mut engine = GpuEngine::with_route(gpu.clone(), &cloth, Method::SmallSteps, Route::Tiled, size).unwrap();
         engine.max_aggregates = room;
-        let mut engine = Engine::Gpu(Box::new(engine));
-        let (x_gpu, _) = play(&mut engine, &cloth, &options, false, 3);
-        let Engine::Gpu(engine) = &engine else { unreachable!("made above") };
+        let (engine, (x_gpu, _)) = play_on(engine, &cloth, &options, false, 3);
         assert_eq!(engine.multigrid.as_ref().and_then(Multigrid::in_tiles), in_tiles, "room {room}");
         let dx = apart(&x, &x_gpu) / apart(&x, &cloth.rest);
         println!("room for {room} of {of_level:?}: {dx:e} apart");

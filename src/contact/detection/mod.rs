@@ -50,6 +50,9 @@ pub(crate) fn max_listed(vertices: usize) -> usize {
     LISTED[0] + LISTED[1] * vertices
 }
 
+/// Whether a pair is left out, given its kind and its first feature. (One type for all, so that detection is compiled once.)
+type Ignored<'a> = dyn Fn(Kind, u32, &Listed) -> bool + Sync + 'a;
+
 /// The buffers of a task.
 #[derive(Debug, Default)]
 struct Finding {
@@ -97,7 +100,7 @@ impl Detection {
         input: DetectionInput<'_>,
         [cloth, bodies]: [&mut Tree; 2],
         lists: &mut [Rows; 2],
-        is_ignored: impl Fn(Kind, u32, &Listed) -> bool + Sync,
+        is_ignored: &Ignored<'_>,
     ) -> Result<(), usize> {
         self.fit(input, [cloth, bodies]);
         let tasks = self.find(input, [cloth, bodies], true, is_ignored)?;
@@ -139,7 +142,7 @@ impl Detection {
             }
             tree.refit_around(vertices, surface, &self.boxes[TRIANGLES], path, scope.substeps);
         }
-        let tasks = self.find(input, [cloth, bodies], false, |_, _, _| false)?;
+        let tasks = self.find(input, [cloth, bodies], false, &|_, _, _| false)?;
         for (kind, lists) in lists.iter_mut().enumerate() {
             lists.append(self.findings[..tasks].iter().flat_map(|finding| &finding.found[kind].pairs), &mut self.added);
         }
@@ -168,7 +171,7 @@ impl Detection {
         input: DetectionInput<'_>,
         [cloth, bodies]: [&mut Tree; 2],
         all: bool,
-        is_ignored: impl Fn(Kind, u32, &Listed) -> bool + Sync,
+        is_ignored: &Ignored<'_>,
     ) -> Result<usize, usize> {
         let DetectionInput { surface, path, scope, .. } = input;
         let workers = if all { path.workers } else { Workers::ALONE };

@@ -127,19 +127,17 @@ impl HostContact {
 
     /// Whether pins or mesh colliders are moved through each other in this step, so that intersections must be searched for.
     pub(crate) fn kinematics_cross(&self, plan: &Plan<'_>) -> bool {
-        let pins_may = !plan.pins.is_empty() || plan.cloth.has_pins() && !self.bodies.are_still;
-        pins_may && self.pins_cross(plan)
-    }
-
-    fn posed<'a>(&'a self, x: &'a [Vec4]) -> Posed<'a> {
-        Posed { surface: &self.surface, x, is_shared: true }
-    }
-
-    fn pins_cross(&self, plan: &Plan<'_>) -> bool {
+        if plan.pins.is_empty() && (self.bodies.are_still || !plan.cloth.has_pins()) {
+            return false;
+        }
         let mut x: Vec<Vec4> = plan.cloth.rest.iter().map(|x| x.with_w(1.0)).collect();
         plan.cloth.pinned.iter().zip(plan.pins_from).for_each(|(&pin, at)| x[pin as usize] = at.extend(0.0));
         let x = self.with_meshes(x, motions(plan).map(|[from, _]| from));
         KnownCrossings::kinematics_cross(self.posed(&x))
+    }
+
+    fn posed<'a>(&'a self, x: &'a [Vec4]) -> Posed<'a> {
+        Posed { surface: &self.surface, x, is_shared: true }
     }
 
     /// Searches for intersections at the start of a step, with the cloth at the positions `x` (m). If the state is new to

@@ -89,8 +89,7 @@ impl Table {
         of_meshes: Option<&Leaves>,
         [mesh_first, vertices]: [usize; 2],
     ) -> (ContactParams, Table) {
-        let of_cloth = &tree.leaves;
-        let (excess, around, beside) = tree.culls();
+        let Tree { leaves: of_cloth, excess, around, beside, .. } = tree;
         // The features of mesh colliders begin where those of the cloth end.
         let both = |of: fn(&Leaves) -> &Vec<u32>| {
             let of_meshes = of_meshes.into_iter().flat_map(|leaves| of(leaves).iter().skip(1));

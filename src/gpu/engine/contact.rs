@@ -46,11 +46,7 @@ impl GpuEngine {
         }
         let make = || is_wanted.then(|| GpuContact::new(&gpu, cloth, contact, meshes.cloned().collect())).flatten();
         let made = gpu.checked(|| Ok(make()))?.map(Box::new);
-        Ok(Some(self.replace_contact(made)))
-    }
-
-    fn replace_contact(&mut self, contact: Option<Box<GpuContact>>) -> Replaced<GpuContact> {
-        Replaced(std::mem::replace(&mut self.contact, contact))
+        Ok(Some(Replaced(std::mem::replace(&mut self.contact, made))))
     }
 
     /// Takes a step, and goes back to the data of contact that it replaced if it fails.
@@ -94,7 +90,7 @@ impl GpuEngine {
             Some(past) if may_have(past) => None,
             Some(past) => {
                 let made = gpu.checked(|| Ok(GpuContact::new(&gpu, cloth, options, past.numbered.clone())))?;
-                Some(self.replace_contact(made.map(Box::new)))
+                Some(Replaced(std::mem::replace(&mut self.contact, made.map(Box::new))))
             }
             None => self.prepare_contact(cloth, options, [].iter())?,
         };

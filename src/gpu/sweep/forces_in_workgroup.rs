@@ -29,7 +29,8 @@ impl ForceTable {
         let (vertices, bending) = (cloth.rest.len(), table.len());
         if bends {
             let entries = &cloth.bending().entries;
-            table.resize(bending + words_that_change(vertices), 0);
+            // The number of passes, the passes, and a row for each vertex.
+            table.resize(bending + 1 + 4 * MAX_PASSES + 3 * vertices, 0);
             push_rings(table, vertices, |v| entries.of(v as u32), |vertex| vertex);
         }
         let wind = table.len();
@@ -74,9 +75,4 @@ impl ForceTable {
         words.extend(bytemuck::cast_slice::<_, u32>(&bending.rows));
         gpu.write(table, size_of::<u32>() * self.bending, &words);
     }
-}
-
-/// Words of the number of passes, the passes, and a row per vertex.
-fn words_that_change(vertices: usize) -> usize {
-    1 + 4 * MAX_PASSES + 3 * vertices
 }

@@ -15,6 +15,7 @@ use crate::gpu::tethers;
 use crate::gpu::tiles::Tiles;
 use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
+use crate::model::csr::distinct;
 use crate::multigrid::hierarchy::Level;
 use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
@@ -195,9 +196,7 @@ impl Tiled {
 
 /// For each vertex its index among the pins, which are sorted by vertex; [`NONE`] for all others.
 fn index_of_pins(cloth: &Cloth) -> Vec<u32> {
-    let mut pinned = cloth.pinned.clone();
-    pinned.sort_unstable();
     let mut index = vec![NONE; cloth.rest.len()];
-    pinned.iter().zip(0..).for_each(|(&vertex, k)| index[vertex as usize] = k);
+    distinct(cloth.pinned.clone()).iter().zip(0..).for_each(|(&vertex, k)| index[vertex as usize] = k);
     index
 }

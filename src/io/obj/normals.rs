@@ -35,7 +35,7 @@ impl Face<'_> {
 #[derive(Debug, Clone)]
 pub(super) struct Normals {
     /// The place of each normal in the file, and its value there.
-    places: Vec<Range<usize>>,
+    pub places: Vec<Range<usize>>,
     given: Vec<Vec3>,
     /// The frame and twice the area of each polygon at rest: see [`frame`].
     rest: Vec<(Mat3, f32)>,
@@ -44,7 +44,8 @@ pub(super) struct Normals {
     corners: Vec<[u32; 3]>,
     /// Number of directions.
     directions: usize,
-    is_shared: bool,
+    /// Whether a normal is used at several vertices.
+    pub are_shared: bool,
 }
 
 impl Normals {
@@ -61,13 +62,13 @@ impl Normals {
         let (places, given): (Vec<_>, Vec<Vec3>) = normals.into_iter().flatten().unzip();
         let (mut corners, mut directions) = (Vec::new(), HashMap::new());
         let mut vertex_of = vec![u32::MAX; given.len()];
-        let mut is_shared = false;
+        let mut are_shared = false;
         for (index, (face, vertices)) in faces.iter().zip(polygons).enumerate() {
             for (&vertex, corner) in vertices.iter().zip(&face.corners) {
                 let named = face.named(corner, 2, turning.len());
                 let Some(normal) = named.and_then(|normal| turning[normal as usize]) else { continue };
                 let last = std::mem::replace(&mut vertex_of[normal as usize], vertex);
-                is_shared |= last != u32::MAX && last != vertex;
+                are_shared |= last != u32::MAX && last != vertex;
                 let rounded = given[normal as usize].to_array().map(|x| (x / SAME).round() as i32);
                 let next = directions.len() as u32;
                 let direction = *directions.entry((vertex, rounded)).or_insert(next);
@@ -75,15 +76,7 @@ impl Normals {
             }
         }
         let rest = polygons.iter().map(|polygon| frame(polygon, positions)).collect();
-        Normals { places, given, rest, corners, directions: directions.len(), is_shared }
-    }
-
-    pub(super) fn places(&self) -> &[Range<usize>] {
-        &self.places
-    }
-
-    pub(super) fn are_shared(&self) -> bool {
-        self.is_shared
+        Normals { places, given, rest, corners, directions: directions.len(), are_shared }
     }
 
     /// The normals for vertices at `positions` (m). Each is the area-weighted mean of what it would be if it had

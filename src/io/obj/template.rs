@@ -120,7 +120,7 @@ impl ObjTemplate {
     /// Whether a normal is used at several vertices, and thus cannot be right at each of them when the cloth moves.
     #[must_use]
     pub fn shares_normals(&self) -> bool {
-        self.normals.as_ref().is_some_and(Normals::are_shared)
+        self.normals.as_ref().is_some_and(|normals| normals.are_shared)
     }
 
     /// The file with other positions (m), one per vertex.
@@ -153,7 +153,7 @@ impl ObjTemplate {
         }
         let turned = self.normals.as_ref().map(|normals| normals.turned(&self.polygons, positions)).unwrap_or_default();
         let mut numbers: Vec<(&Range<usize>, Vec3)> = self.vertices.iter().zip(positions.iter().copied()).collect();
-        numbers.extend(self.normals.iter().flat_map(Normals::places).zip(turned));
+        numbers.extend(self.normals.iter().flat_map(|normals| &normals.places).zip(turned));
         numbers.sort_unstable_by_key(|(place, _)| place.start);
         let mut written = Vec::with_capacity(self.bytes.len() + 16 * numbers.len());
         let mut end = 0;

@@ -75,15 +75,15 @@ pub(crate) struct Tree {
     /// Indexed by heap number; entry 0 is unused.
     nodes: Vec<NodeBounds>,
     /// Sum of the excess angles (rad) of a node's vertices; infinite if its triangles are not connected by edges.
-    excess: Vec<f32>,
+    pub excess: Vec<f32>,
     /// The box of each leaf at rest (m).
     rest: Vec<[Vec3A; 2]>,
     /// For each leaf, the triangles that share a vertex with it, its own among them; none for bodies.
-    around: Csr<u32>,
+    pub around: Csr<u32>,
     /// Bounds of the unit normals of each triangle.
     normals: Vec<[Vec3A; 2]>,
     /// For each level, the other nodes of that level that share a vertex with each node.
-    beside: Vec<Csr<u32>>,
+    pub beside: Vec<Csr<u32>>,
     /// What changed in each node when it was last refitted in part, and the bounds of its normals before.
     marks: Vec<u8>,
     before: Vec<[Vec3A; 2]>,
@@ -163,13 +163,6 @@ impl Tree {
                 }
             }
         }
-    }
-
-    /// The data besides bounds with which nodes are ruled out: excess angles, the triangles around each leaf, and for each
-    /// level the nodes that share a vertex.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn culls(&self) -> (&[f32], &Csr<u32>, &[Csr<u32>]) {
-        (&self.excess, &self.around, &self.beside)
     }
 
     /// Whether features of two leaves of the cloth may be within a distance (m) at rest.
