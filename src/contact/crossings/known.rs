@@ -102,6 +102,7 @@ impl KnownCrossings {
     }
 
     /// Whether anything intersects, if that is only possible around some vertices, or anywhere.
+    #[cfg(feature = "gpu")]
     pub(crate) fn cross(posed: Posed<'_>, vertices: Option<&[u32]>) -> bool {
         vertices.is_none_or(|vertices| KnownCrossings::cross_around(posed, vertices.to_vec()))
             && posed.features().crossings().is_ok_and(|found| !found.is_empty())
