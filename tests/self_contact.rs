@@ -433,13 +433,14 @@ fn the_hybrid_bends_cloth_where_contact_moved_it() {
     assert!(difference < 1e-4 * moved, "{difference} m from the CPU's, {moved} m moved");
 }
 
-/// Where nothing touches, contact changes no bit: with forces and without, with moving pins and over a sphere.
+/// Where nothing touches, contact changes no bit: with forces and without, with moving pins and over a sphere. A GPU steps cloth of at
+/// most 1024 vertices by other kernels where there is no contact, which a driver may round otherwise; this one has more.
 fn where_nothing_touches_it_changes_no_bit(backend: Backend) {
     for (bending, levels) in [(0.0, Levels::Off), (1e-4, Levels::Count(9))] {
-        let mut scene = Scene::new(Mesh::grid(32, 32, 1.0, 1.0), 20, vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.3), 0.2)]);
+        let mut scene = Scene::new(Mesh::grid(33, 33, 1.0, 1.0), 20, vec![Collider::sphere(Vec3::new(0.0, -0.4, 0.3), 0.2)]);
         scene.options.fabric.bending = bending;
         scene.options.levels = levels;
-        scene.options.pinned = (0..32).collect();
+        scene.options.pinned = (0..33).collect();
         let mut with = scene.on(backend);
         let mut without = scene.without_contact().on(backend);
         let mut contacts = 0;
