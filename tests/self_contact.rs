@@ -27,7 +27,7 @@ on_every_backend!(
     sheets_that_start_in_one_another_part,
     tall_stacks_stand_with_few_substeps,
     two_sheets_on_a_collider_come_to_rest,
-    what_jumps_out_of_a_collider_is_reported,
+    what_jumps_out_of_a_collider_does_not_cross,
     what_crosses_where_pins_outrun_the_substeps_is_reported,
     where_nothing_touches_it_changes_no_bit
 );
@@ -685,8 +685,8 @@ fn a_failed_step_leaves_no_trace() {
 }
 
 /// With one substep a frame, cloth falls so deep into a ball that it is pushed out by several times the thickness at a time, over
-/// other cloth; so is what a ball appears in. Whatever crosses is reported in the same step or the next.
-fn what_jumps_out_of_a_collider_is_reported(backend: Backend) {
+/// other cloth; so is what a ball appears in. Nothing crosses, as it did before such steps were taken again.
+fn what_jumps_out_of_a_collider_does_not_cross(backend: Backend) {
     // The hybrid engine does the same as the CPU, and a software GPU is slow.
     let n = if backend == Backend::Cpu { 60 } else { 30 };
     let size = 0.02 * n as f32;
@@ -696,34 +696,21 @@ fn what_jumps_out_of_a_collider_is_reported(backend: Backend) {
     let ball = Collider::sphere(Vec3::Y * 0.1, radius);
     let appearing = |at: f32| Collider::sphere(Vec3::new(at, 0.0, 0.002), radius);
     let scenes = [0.003, 0.013, 0.023].map(|at| (sheets(2, n, size, 0.007), appearing(at), 0.0));
-    // In the coarser scenes of the others nothing crosses.
     let taken = if backend == Backend::Cpu { 4 } else { 2 };
-    let mut ever_crossed = 0;
-    for (mesh, ball, gravity) in std::iter::once((sheet, ball, -9.81)).chain(scenes).take(taken) {
-        if ever_crossed > 0 {
-            break;
-        }
+    for (index, (mesh, ball, gravity)) in std::iter::once((sheet, ball, -9.81)).chain(scenes).take(taken).enumerate() {
         let contact = Some(Contact { thickness: R, friction: 0.3 });
         let options = Options { backend, quality: Quality::Substeps(1), contact, fabric: Fabric::COTTON, ..Options::default() };
         let mut cloth = Deformer::new(&mesh, options).unwrap();
-        let (mut crossed, mut must_be_told, mut untold) = (0, false, 0);
         for frame in 0..40 {
             let ball = if frame == 0 { ball.clone().teleported() } else { ball.clone() };
             let colliders = vec![ball, Collider::plane(Vec3::Y * -0.3, Vec3::Y)];
             let scene = Attributes { colliders, gravity: gravity * Vec3::Y, ..Attributes::default() };
-            let report = cloth.step(FRAME, &scene).unwrap();
-            let is_told = report.warnings.iter().any(|warning| matches!(warning, Warning::Crossings { .. }));
-            untold += u32::from(must_be_told && !is_told);
-            let count = crossings(&mesh, cloth.positions().unwrap()).len();
-            crossed += u32::from(count > 0);
-            must_be_told = count > 0 && !is_told;
+            cloth.step(FRAME, &scene).unwrap();
+            let counted = frame % 4 == 3;
+            let crossed = if counted { crossings(&mesh, cloth.positions().unwrap()).len() } else { 0 };
+            assert_eq!(crossed, 0, "scene {index}, frame {frame}");
         }
-        println!("{crossed} frames with crossings, {untold} untold");
-        assert_eq!(untold, 0);
-        assert!(crossed == 0 || gravity == 0.0, "{crossed} frames with crossings");
-        ever_crossed += crossed;
     }
-    assert!(ever_crossed > 0 || backend != Backend::Cpu, "the scenes show nothing");
 }
 
 /// A cape is carried along at 6 m/s and turned by half a turn in 0.15 s, with far fewer substeps than resolve that: the common motion
