@@ -575,7 +575,7 @@ fn layers_of_one_piece_stay_apart(backend: Backend) {
 }
 
 /// Two sheets hang from rows of pins that are closer to each other than the thickness. Pairs next to the pins cannot get as far apart
-/// as that. Demanded nevertheless, they threw the cloth about at 60 to 1000 m/s.
+/// as that. Demanded nevertheless, they threw the cloth about at 5 m/s and more.
 fn sheets_pinned_close_to_each_other_hang_at_rest(backend: Backend) {
     let gpu = backend == Backend::Gpu;
     for off in if gpu { &[0.002_f32][..] } else { &[0.004, 0.002, 0.001] } {

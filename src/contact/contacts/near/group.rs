@@ -37,9 +37,9 @@ pub(crate) struct Group {
     pub opposite: [[u32; 4]; MAX_LANES],
     /// Indices in the list.
     pub listed: [u32; MAX_LANES],
-    /// The distance (m) at which they are held apart, unless [kinematic corners](crate::kernels::pair::held_distance) leave less, and
-    /// that at the start.
+    /// The distance (m) at which they are held apart, unless [kinematic corners](crate::kernels::pair::held_distance) leave less.
     pub thickness: [f32; MAX_LANES],
+    /// The distance (m) between the sides at the start of the substep.
     pub distance: [f32; MAX_LANES],
     pub friction: [f32; MAX_LANES],
     /// By how much (m) they may approach.
