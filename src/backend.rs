@@ -211,6 +211,15 @@ impl Engine {
         }
     }
 
+    /// Undoes the last step, on a GPU only one with contact.
+    pub(crate) fn roll_back(&mut self) {
+        match self {
+            #[cfg(feature = "gpu")]
+            Engine::Gpu(gpu) => gpu.roll_back(),
+            _ => self.cpu_mut().into_iter().for_each(Cpu::roll_back),
+        }
+    }
+
     pub(crate) fn set(&mut self, x: &[Vec4], p: &[Vec4]) {
         match self {
             #[cfg(feature = "gpu")]

@@ -10,7 +10,6 @@
 use super::Deformer;
 use super::decision::StepDecision;
 use crate::attributes::Attributes;
-use crate::cpu::Cpu;
 use crate::error::StepError;
 use crate::error::failure::Failure;
 use crate::kernels::statistics::Statistics;
@@ -72,7 +71,7 @@ impl Deformer {
             return stepped;
         }
         let mut retake = |listing| {
-            self.engine.cpu_mut().into_iter().for_each(Cpu::roll_back);
+            self.engine.roll_back();
             let (engine, plan) = self.plan(decision, attributes);
             engine.step(&Plan { listing, alone, ..plan })
         };
@@ -87,15 +86,15 @@ impl Deformer {
         attributes: &Attributes,
         alone: bool,
     ) -> Result<Option<Statistics>, Failure> {
-        self.engine.cpu_mut().into_iter().for_each(Cpu::roll_back);
+        self.engine.roll_back();
         self.set_coefficients(decision);
         let (engine, plan) = self.plan(decision, attributes);
         let stepped = engine.step(&Plan { alone, ..plan });
         self.uncrossed(stepped, decision, attributes, alone)
     }
 
-    /// The decision for another step in the place of one that is rejected, and what that one would have warned of. On a GPU none is:
-    /// without contact of triangles its statistics arrive three steps late, and with it going back is not implemented.
+    /// The decision for another step in the place of one that is rejected, and what that one would have warned of. On a GPU without
+    /// contact of triangles none is, because statistics arrive three steps late.
     fn rejects(
         &mut self,
         stepped: &Result<Option<Statistics>, Failure>,
@@ -104,7 +103,8 @@ impl Deformer {
     ) -> Option<(StepDecision, Warning)> {
         let (Some(strain_bound), Ok(Some(seen))) = (self.strain_bound(), stepped) else { return None };
         let is_within = seen.stretch_of(f64::from(strain_bound.share)) <= strain_bound.stretch;
-        if is_within || self.backend() == Backend::Gpu || !decision.is_observed {
+        let is_late = self.backend() == Backend::Gpu && self.engine.contact().is_none();
+        if is_within || is_late || !decision.is_observed {
             return None;
         }
         let holds = self.holds(strain_bound, &self.contact_warnings(attributes));

@@ -34,7 +34,7 @@ pub enum Quality {
     /// fewer levels.
     ///
     /// On the GPU the measurements are three steps old, because a step never waits for one that was submitted shortly
-    /// before; with contact of triangles it waits anyway. No step is taken again there. Methods other than the default do not use
+    /// before, and no step is taken again; with contact of triangles it waits anyway. Methods other than the default do not use
     /// the bound: see [`Method`](crate::Method).
     Hold {
         /// Largest stretch, `l/l0 - 1`, beyond the fabric's own stretch under the same load; 0.03 is three percent.

@@ -10,6 +10,7 @@ use crate::contact::max_listed;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::stage::WORKGROUP;
+use crate::gpu::state::StateBuffers;
 use crate::step::plan::Plan;
 
 /// What becomes of an attempt. The state was rolled back unless it is good.
@@ -54,17 +55,32 @@ impl GpuContact {
         (&self.buffers.pairs, u64::from(self.status.half) * (self.room * size_of::<Listed>()) as u64, self.room)
     }
 
-    /// Encodes a copy of the state to which the step may have to be rolled back, unless that was done.
-    pub(crate) fn save(&mut self, encoder: &mut wgpu::CommandEncoder) {
+    /// Encodes a copy of the state to which the step may have to be rolled back, unless that was done: that of contact, and the
+    /// cloth's with what its stability check `found`.
+    pub(crate) fn save(&mut self, encoder: &mut wgpu::CommandEncoder, cloth: &StateBuffers, found: &wgpu::Buffer) {
         if std::mem::replace(&mut self.is_saved, true) {
             return;
         }
         let GpuContact { buffers, checkpoint, .. } = &*self;
-        encoder.copy_buffer_to_buffer(&buffers.tracks, 0, &checkpoint.tracks, 0, checkpoint.tracks.size());
+        let now = [&buffers.tracks, &cloth.x, &cloth.p, found];
+        let before = [&checkpoint.tracks, &checkpoint.cloth.x, &checkpoint.cloth.p, &checkpoint.found];
+        now.into_iter().zip(before).for_each(|(now, before)| encoder.copy_buffer_to_buffer(now, 0, before, 0, before.size()));
         self.copy_pairs(encoder, self.current(), (&checkpoint.pairs, 0, checkpoint.room));
     }
 
-    /// Rolls back to the saved state.
+    /// Goes back to where the last step began, which was good.
+    pub(crate) fn undo(&mut self, gpu: &Gpu, cloth: &StateBuffers, found: &wgpu::Buffer) {
+        self.on_cpu.roll_back();
+        self.status = self.before;
+        self.roll_back(gpu);
+        let mut encoder = gpu.encoder();
+        let before = [&self.checkpoint.cloth.x, &self.checkpoint.cloth.p, &self.checkpoint.found];
+        let now = [&cloth.x, &cloth.p, found];
+        before.into_iter().zip(now).for_each(|(before, now)| encoder.copy_buffer_to_buffer(before, 0, now, 0, before.size()));
+        gpu.queue().submit([encoder.finish()]);
+    }
+
+    /// Rolls contact back to the saved state, after an attempt.
     pub(crate) fn roll_back(&mut self, gpu: &Gpu) {
         let GpuContact { buffers, checkpoint, room, .. } = &*self;
         let mut encoder = gpu.encoder();
@@ -83,7 +99,7 @@ impl GpuContact {
         let room = grown(self.room, needed, most_room);
         self.make_room(gpu, room, grown(self.space, space, most_space));
         self.roll_back(gpu);
-        self.checkpoint = Checkpoint::new(gpu, self.params.all_vertices as usize, self.room);
+        (self.checkpoint.pairs, self.checkpoint.room) = (Checkpoint::pairs(gpu, self.room), self.room);
         self.is_saved = false;
     }
 
@@ -96,7 +112,7 @@ impl GpuContact {
 
     /// Notes how mesh colliders move in the step.
     pub(crate) fn note_meshes(&mut self, plan: &Plan<'_>) {
-        self.since = self.status.since;
+        self.before = self.status;
         if self.on_cpu.begin(plan, self.params.friction) {
             self.status.since = NEVER;
         }
@@ -134,7 +150,7 @@ impl GpuContact {
                 return Ok(Judgment::Again);
             }
             self.on_cpu.roll_back();
-            self.status.since = self.since;
+            self.status.since = self.before.since;
             let candidates = status.candidates.saturating_add(status.edge_candidates);
             let most = status.needed.max(status.listed).max(candidates).max(status.leaf_pairs);
             return Ok(Judgment::Crowded(most as usize));

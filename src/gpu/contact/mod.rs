@@ -22,6 +22,8 @@ use crate::contact::device::table::{ContactParams, Table};
 use crate::device::Gpu;
 use crate::gpu::forces::Forces;
 use crate::gpu::stage::{Sent, WORKGROUP};
+use crate::gpu::state::StateBuffers;
+use crate::gpu::watch::Defects;
 use crate::kernels::contact::Body;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
@@ -67,14 +69,26 @@ struct Checkpoint {
     pairs: wgpu::Buffer,
     /// Number of pairs that there is room for.
     room: usize,
+    /// The cloth's own state, and what the stability check found. Attempts do not change them, but a step that is undone has.
+    cloth: StateBuffers,
+    found: wgpu::Buffer,
 }
 
 impl Checkpoint {
-    fn new(gpu: &Gpu, vertices: usize, room: usize) -> Checkpoint {
+    fn new(gpu: &Gpu, vertices: usize, all_vertices: usize, room: usize) -> Checkpoint {
         let buffer = |label, bytes: usize| gpu.buffer(label, bytes as u64);
-        let tracks = buffer("paths before", TRACK * vertices);
-        let pairs = buffer("pairs before", room * size_of::<Listed>());
-        Checkpoint { tracks, pairs, room }
+        let [x, p] = ["x before", "p before"].map(|label| buffer(label, vertices * size_of::<Vec4>()));
+        Checkpoint {
+            tracks: buffer("paths before", TRACK * all_vertices),
+            pairs: Checkpoint::pairs(gpu, room),
+            room,
+            cloth: StateBuffers { x, p },
+            found: buffer("found before", size_of::<Defects>()),
+        }
+    }
+
+    fn pairs(gpu: &Gpu, room: usize) -> wgpu::Buffer {
+        gpu.buffer("pairs before", (room * size_of::<Listed>()) as u64)
     }
 }
 
@@ -99,8 +113,8 @@ pub(crate) struct GpuContact {
     staging: wgpu::Buffer,
     /// As of the end of the last good step.
     status: Status,
-    /// [`Status::since`] at the start of the step, to which a step that fails goes back.
-    since: f32,
+    /// The same at the start of the last step, to which one that fails or is undone goes back.
+    before: Status,
     choice: KernelChoice,
     /// How far (m) vertices may be carried in this step, besides the common motion.
     max_carry: f32,
@@ -142,7 +156,7 @@ impl GpuContact {
             boxes: buffer("boxes of contact", BOX * params.boxes()),
             normals: buffer("normals in contact", NORMALS * on_cpu.surface.cloth_triangles()),
         };
-        let checkpoint = Checkpoint::new(gpu, all, room);
+        let checkpoint = Checkpoint::new(gpu, cloth.rest.len(), all, room);
         let staging = gpu.staging("status", size_of::<StatusReadback>() as u64);
         let status = Status::nothing();
         Some(GpuContact {
@@ -157,7 +171,7 @@ impl GpuContact {
             stages: None,
             staging,
             status,
-            since: status.since,
+            before: status,
             choice: KernelChoice::default(),
             max_carry: 0.0,
             covers_stops: false,

@@ -107,6 +107,12 @@ impl GpuEngine {
         resumed
     }
 
+    /// Undoes the last step, which was one with contact and good.
+    pub(crate) fn roll_back(&mut self) {
+        let GpuEngine { gpu, forces, commit, contact, .. } = self;
+        contact.iter_mut().for_each(|contact| contact.undo(gpu, &forces.states[0], &commit.found));
+    }
+
     /// Does one step, and waits for it. If the first attempt did not suffice, the step is rolled back and repeated.
     /// Contact resolves the colliders too, so the sweep ignores them.
     fn step_with_contact(&mut self, contact: &mut GpuContact, plan: &Plan<'_>) -> Result<(), Failure> {
@@ -172,7 +178,8 @@ impl GpuEngine {
     ) -> Result<Judgment, GpuFault> {
         contact.prepare(gpu, plan, &self.forces);
         Gpu::refused()?;
-        let mut submission = Submission::in_portions(gpu, |encoder| contact.save(encoder));
+        let mut submission =
+            Submission::in_portions(gpu, |encoder| contact.save(encoder, &self.forces.states[0], &self.commit.found));
         self.encode_substeps(&mut submission, swept, Some((&*contact, plan)));
         self.dispatches = submission.dispatches();
         submission.submit_with(|encoder| contact.copy(encoder));
