@@ -10,6 +10,7 @@ use crate::model::coloring;
 use crate::model::csr::{Csr, distinct};
 use crate::model::link::{Link, Visits};
 use crate::multigrid::aggregation::{Aggregate, holding};
+use crate::multigrid::unfolding::Unfolded;
 
 /// If the stiffness along an edge is less than this share of the aggregate's stiffness in all directions, the edge is
 /// omitted.
@@ -171,11 +172,11 @@ pub(crate) struct Edges<'a> {
 impl Edges<'_> {
     /// The edges between given pairs of aggregates, with colors that are separate for each group of pairs, in color
     /// order.
-    pub(crate) fn color(&self, groups: &[Vec<[u32; 2]>]) -> (Vec<Link>, Vec<Range<usize>>) {
+    pub(crate) fn color(&self, groups: &[Vec<([u32; 2], Unfolded)>]) -> (Vec<Link>, Vec<Range<usize>>) {
         let centers: Vec<Vec3> = self.aggregates.iter().map(|aggregate| aggregate.center.as_vec3()).collect();
         let (mut links, mut colors) = (Vec::new(), Vec::new());
         for pairs in groups {
-            let made: Vec<Link> = pairs.iter().filter_map(|&pair| self.between(pair)).collect();
+            let made: Vec<Link> = pairs.iter().filter_map(|&(pair, unfolded)| self.between(pair, unfolded)).collect();
             let ends: Vec<[u32; 2]> = made.iter().map(|link| link.ends).collect();
             let batches = coloring::color(&ends, &centers).batches();
             let first = links.len();
@@ -185,14 +186,19 @@ impl Edges<'_> {
         (links, colors)
     }
 
-    /// The edge between two aggregates; none if the cloth does not connect them along it.
-    fn between(&self, pair: [u32; 2]) -> Option<Link> {
+    /// The edge between two aggregates; none if the cloth does not connect them along it, or not known how.
+    fn between(&self, pair: [u32; 2], unfolded: Unfolded) -> Option<Link> {
         let [a, b] = pair.map(|aggregate| &self.aggregates[aggregate as usize]);
         let turn = 0.5 * a.normal().angle_between(b.normal());
         let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
         let mut rest = a.center.distance(b.center) * bent;
         if a.pinned || b.pinned {
             rest = rest.max(self.pin_share * self.masses.transport(pair, [a.mass, b.mass]));
+        }
+        match unfolded {
+            Unfolded::Flat => {}
+            Unfolded::At(distance) => rest = rest.max(distance),
+            Unfolded::Torn => return None,
         }
         let n = (b.center - a.center).normalize_or_zero();
         let along = pair.map(|aggregate| self.stiffness.along(aggregate, n));

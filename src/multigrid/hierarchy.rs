@@ -38,10 +38,14 @@
 //! apart (Kantorovich). For shapes that are translated copies this is the distance of their centers; at a pin it is the
 //! mean distance to the pin (on the finest levels a little less, because cloth does not gather into a line within a few
 //! edges). Where the rest shape bends by an angle t between the aggregates, their centers lie inside the curve and are
-//! closer by the factor `((t/2)/sin(t/2))²`. The stiffness is that of the fabric along the edge, free to contract
+//! closer by the factor `((t/2)/sin(t/2))²`; where it has pleats or wrinkles, the distance is that in unfolded cloth
+//! ([`unfolding`](super::unfolding)). The stiffness is that of the fabric along the edge, free to contract
 //! across it, so that cloth that is soft in shear remains soft.
 //!
 //! # Limits
+//! The mesh of a net gives way to shear without stretching its strands, which aggregates that span it do not see. So a part of the cloth
+//! with more holes than aggregates has no coarse edges (`Bisection::of_nets`).
+//!
 //! Pins are the places with the largest strain on coarse levels as on the fine one: the worst edge there improves only
 //! by a few times. Tethers handle lone pins ([`model::tethers`](crate::model::tethers)). Where the substeps resolve the
 //! stiffness, levels have nothing to add. Up to 7/8 of `S*` they help: a sheet of 64 by 64 swings down with an error of
@@ -114,6 +118,7 @@ use crate::model::link::Link;
 use crate::model::mesh::has_edges;
 use crate::multigrid::aggregation::{Aggregate, Bisection, holding};
 use crate::multigrid::coarse_edges::{Edges, Fiber, PointMasses, Stiffness, two_rings};
+use crate::multigrid::unfolding::{OfLevel, Unfolding};
 
 /// Levels have at least so many aggregates that are joined by edges, the finest one more: in cloth with fewer it is not worth its
 /// overhead.
@@ -170,6 +175,7 @@ impl Hierarchy {
     pub(crate) fn new(cloth: &Cloth) -> Hierarchy {
         let bisection = Bisection::new(cloth);
         let fibers = Fiber::all(cloth);
+        let mut unfolding = Unfolding::new(cloth);
         let mut levels: Vec<Level> = Vec::new();
         let mut pairs: Vec<[u32; 2]> = holding(cloth).map(|link| link.ends).collect();
         let mut joined = joined_by(&pairs, cloth.rest.len());
@@ -185,7 +191,10 @@ impl Hierarchy {
             let aggregates = merged(&last, &label, count);
             let moved = pairs.iter().map(|pair| pair.map(|item| label[item as usize]));
             let moved = moved.map(|[a, b]| [a.min(b), a.max(b)]);
-            let is_swept = |[a, b]: &[u32; 2]| a != b && !(aggregates[*a as usize].pinned && aggregates[*b as usize].pinned);
+            let of_net = bisection.of_nets(&aggregate_of, count);
+            let is_swept = |[a, b]: &[u32; 2]| {
+                a != b && !(aggregates[*a as usize].pinned && aggregates[*b as usize].pinned) && !of_net[*a as usize]
+            };
             pairs = distinct(moved.filter(is_swept).collect());
             // Vertices and pieces without edges to others, of which a mesh may have any number, do not count: there is nothing
             // to correct.
@@ -205,6 +214,8 @@ impl Hierarchy {
                 _ => PointMasses::new(last.clone(), label.clone(), count),
             };
             let rings = two_rings(&pairs, &aggregates);
+            let level = OfLevel::new(&aggregates, &aggregate_of, &pairs);
+            let groups = [&rings, &pairs].map(|pairs| unfolding.distances(&level, pairs));
             // The transport distance assumes that cloth gathers into a line, which fine cloth near a lone pin does not
             // do.
             let pin_share = 1.0 - 0.2 * 0.5_f64.powi(index as i32);
@@ -214,7 +225,7 @@ impl Hierarchy {
                 pin_share,
                 stiffness: Stiffness::new(&fibers, &aggregates, &aggregate_of),
             };
-            let (links, colors) = edges.color(&[rings, pairs.clone()]);
+            let (links, colors) = edges.color(&groups);
             let inverse_mass = aggregates.iter().map(|aggregate| aggregate.inverse_mass() as f32).collect();
             let sweeps = if index > 0 && count <= SMALL { SWEEPS } else { 1 };
             levels.push(Level { label, members, share, inverse_mass, links, colors, sweeps });

@@ -3,3 +3,4 @@
 pub(crate) mod aggregation;
 pub(crate) mod coarse_edges;
 pub(crate) mod hierarchy;
+mod unfolding;

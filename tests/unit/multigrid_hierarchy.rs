@@ -230,3 +230,59 @@ fn a_sleeve_is_held_along_its_length() {
     }
     assert!(around > 10, "{around}");
 }
+
+/// A sheet in knife pleats, of three layers each, and where its vertices are when it is unfolded (m).
+fn pleats(pleats: usize, rows: u32) -> (Mesh, Vec<DVec3>) {
+    // The steps of a pleat: six forth, three back in the layer above, three forth in the one above that.
+    let forth = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0];
+    let layer = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.2, 0.2, 0.2, 0.4, 0.4, 0.4];
+    let mut outline = vec![Vec3::ZERO];
+    for step in 0..12 * pleats {
+        let x = outline[step].x + forth[step % 12];
+        outline.push(Vec3::new(x, 0.0, layer[step % 12]));
+    }
+    let mut unfolded = vec![0.0];
+    outline.windows(2).for_each(|pair| unfolded.push(unfolded[unfolded.len() - 1] + f64::from(pair[0].distance(pair[1]))));
+    let columns = outline.len() as u32;
+    let mut mesh = Mesh::grid(columns, rows, 1.0, 1.0);
+    let mut flat = Vec::new();
+    for (v, x) in mesh.positions.iter_mut().enumerate() {
+        let (column, row) = (v % columns as usize, v / columns as usize);
+        *x = 0.02 * (outline[column] - row as f32 * Vec3::Y);
+        flat.push(0.02 * DVec3::new(unfolded[column], -(row as f64), 0.0));
+    }
+    (mesh, flat)
+}
+
+/// In pleats the cloth between two aggregates is several times as long as they are apart, and coarse edges are as long as that.
+#[test]
+fn pleats_may_be_unfolded() {
+    let (mesh, flat) = pleats(8, 49);
+    let levels = check(&mesh, Options::default());
+    let cloth = Cloth::new(&mesh, &Options::default()).unwrap();
+    let mut of_vertex: Vec<u32> = (0..cloth.rest.len() as u32).collect();
+    let (mut folded, mut far, mut links) = (0, 0, 0);
+    for (index, level) in levels.iter().enumerate() {
+        links += level.links.len();
+        of_vertex.iter_mut().for_each(|item| *item = level.label[*item as usize]);
+        let center = |of: &dyn Fn(usize) -> DVec3| {
+            let mut sums = vec![(DVec3::ZERO, 0.0); level.inverse_mass.len()];
+            for (v, &aggregate) in of_vertex.iter().enumerate() {
+                let (sum, mass) = &mut sums[aggregate as usize];
+                (*sum, *mass) = (*sum + of(v) * f64::from(cloth.mass[v]), *mass + f64::from(cloth.mass[v]));
+            }
+            sums.into_iter().map(|(sum, mass)| sum / mass).collect::<Vec<_>>()
+        };
+        let at_rest = center(&|v| cloth.rest[v].truncate().as_dvec3());
+        let unfolded = center(&|v| flat[cloth.order[v] as usize]);
+        for link in &level.links {
+            let [at_rest, unfolded] =
+                [&at_rest, &unfolded].map(|at| at[link.ends[0] as usize].distance(at[link.ends[1] as usize]));
+            folded += usize::from(unfolded > 1.5 * at_rest);
+            let share = f64::from(link.rest) / unfolded;
+            far += usize::from(share > 1.1);
+            assert!(share > 0.95, "level {index}, {link:?}: {share} of the distance in unfolded cloth");
+        }
+    }
+    assert!(folded > 100 && far < links / 30, "of {links} edges {folded} are folded, {far} are longer than unfolded cloth");
+}
