@@ -27,7 +27,7 @@ pub(crate) trait ExternalPrediction: Sync {
     fn exchange(&self, task: &Task, state: StateView<'_>, substep: usize);
 
     /// Predicts the displacements of a range of vertices.
-    fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize);
+    fn predict(&self, state: StateView<'_>, vertices: Range<u32>, substep: usize);
 
     /// Is told of ranges of vertices that have just been moved.
     fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize);
@@ -110,7 +110,7 @@ impl Stepper<'_> {
     fn predict(&self, task: &Task, tile: Range<u32>, index: usize) {
         let substep = &self.plan.substeps[index];
         if let Some(external) = self.external {
-            return external.predict(task, self.state(task), tile, index);
+            return external.predict(self.state(task), tile, index);
         }
         if self.terms.bending {
             self.forces.bend(task, tile.clone(), substep);

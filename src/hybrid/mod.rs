@@ -20,9 +20,9 @@
 mod exchange;
 mod stages;
 
-use std::sync::Mutex;
+use std::sync::{Mutex, RwLock};
 
-use crate::cpu::{Cpu, SharedArray};
+use crate::cpu::Cpu;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
@@ -152,14 +152,13 @@ impl Hybrid {
         });
         let (first, next) = opened.inspect_err(|fault| *broken = Some(fault.clone()))?;
 
-        let mut first = [Some(first)];
         let step = ExchangedStep {
             plan,
             on_gpu,
             payload,
             complete,
             is_sent,
-            mapped: SharedArray::new(&mut first),
+            mapped: RwLock::new(Some(first)),
             exchanges: Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None }),
         };
         let stepped = cpu.step(plan, Some(&step));

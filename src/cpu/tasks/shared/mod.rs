@@ -92,13 +92,6 @@ impl<'a, T> SharedArray<'a, T> {
         }
     }
 
-    /// Returns the items, once no task can access them any more.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn into_inner(self) -> &'a mut [T] {
-        // SAFETY: Alive; all views borrowed the array, which is consumed here.
-        unsafe { std::slice::from_raw_parts_mut(self.start, self.length) }
-    }
-
     pub(crate) fn is_empty(&self) -> bool {
         self.length == 0
     }
@@ -158,22 +151,6 @@ impl<T> View<'_, T> {
     fn writes(self, first: usize, count: usize) {
         #[cfg(debug_assertions)]
         (first..first + count).for_each(|item| self.visitors.0.write(item, self.visitors.1.ticket.number()));
-    }
-
-    /// Calls `read` with a reference to an item.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn show<R>(self, item: usize, read: impl FnOnce(&T) -> R) -> R {
-        self.reads(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart; and `read` does not replace the item meanwhile ([`View::replace`]).
-        read(unsafe { &*self.pointer(item) })
-    }
-
-    /// Replaces an item, to which no reference may exist ([`View::show`]).
-    #[cfg(feature = "gpu")]
-    pub(crate) fn replace(self, item: usize, value: T) {
-        self.writes(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart; and no reference to the item exists ([`View::show`]).
-        unsafe { *self.pointer(item) = value };
     }
 
     /// Prefetches items for writing. If another core's cache holds them, every store would otherwise wait for the
