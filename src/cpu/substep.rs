@@ -11,7 +11,8 @@ use crate::cpu::schedule::{Domain, Pass};
 use crate::cpu::stages::{Stage, Terms};
 use crate::cpu::sweep::{Rule, sweep};
 use crate::cpu::tasks::shared::{Task, View};
-use crate::cpu::tethers::{self, TetherBatches};
+use crate::cpu::tethers::{Hold, TetherBatches};
+use crate::simd;
 use crate::step::plan::Plan;
 
 /// The state as one task sees it: positions and displacements.
@@ -96,7 +97,8 @@ impl Stepper<'_> {
             Stage::SweepBack(round) => self.sweep(task, round, part, &self.edges[1][round]),
             Stage::Tether(round) => {
                 let StateView { x, u } = self.state(task);
-                tethers::hold(&self.tethers[round], part, self.plan, substep, [x, u], self.integrator.width);
+                let hold = Hold { batches: &self.tethers[round], piece: part, x, u, plan: self.plan, substep };
+                simd::run(self.integrator.width, hold);
             }
             Stage::Move(round) => self.advance(task, &self.partition.rounds[round][part].vertices, index),
             Stage::MoveAfterContact => self.advance(task, &[tile()], index),
