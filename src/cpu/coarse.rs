@@ -21,7 +21,7 @@ pub(super) const MIXED: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub(crate) struct Coarse {
     pub(super) levels: Vec<Aggregates>,
-    pub(super) states: Vec<AggregateState>,
+    pub(super) states: Vec<AggregateState<AlignedVec>>,
 }
 
 /// The aggregates of one level.
@@ -42,16 +42,16 @@ pub(super) struct Aggregates {
     pub sweeps: u32,
 }
 
-/// The state of a level's aggregates within a substep.
+/// The state of a level's aggregates within a substep, in lists `T`.
 #[derive(Debug)]
-pub(super) struct AggregateState {
+pub(super) struct AggregateState<T> {
     /// Centers of mass (m), w the inverse mass (1/kg).
-    pub x: AlignedVec,
+    pub x: T,
     /// Displacement (m): first the restricted one, and after the level's sweep the correction. The w component has no
     /// meaning.
-    pub change: AlignedVec,
+    pub change: T,
     /// Displacement (m) after the corrections.
-    pub u: AlignedVec,
+    pub u: T,
 }
 
 /// The members of each aggregate, ascending, padded to whole registers by repeating the first with a mass share of 0;
