@@ -23,7 +23,6 @@ use crate::past::Past;
 use crate::step::plan::Plan;
 
 /// The engine in use, which holds the state.
-#[derive(Debug)]
 pub(crate) enum Engine {
     Cpu(Box<Cpu>),
     #[cfg(feature = "gpu")]

@@ -18,14 +18,13 @@ const WORTHWHILE: usize = 2048;
 pub(super) const MIXED: u32 = u32::MAX;
 
 /// The coarse levels in use, packed for the CPU, finest first; empty without levels.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Coarse {
     pub(super) levels: Vec<Aggregates>,
     pub(super) states: Vec<AggregateState<AlignedVec>>,
 }
 
 /// The aggregates of one level.
-#[derive(Debug)]
 pub(super) struct Aggregates {
     pub members: Members,
     /// The aggregate of each item of the next finer level.
@@ -43,7 +42,6 @@ pub(super) struct Aggregates {
 }
 
 /// The state of a level's aggregates within a substep, in lists `T`.
-#[derive(Debug)]
 pub(super) struct AggregateState<T> {
     /// Centers of mass (m), w the inverse mass (1/kg).
     pub x: T,
@@ -56,7 +54,6 @@ pub(super) struct AggregateState<T> {
 
 /// The members of each aggregate, ascending, padded to whole registers by repeating the first with a mass share of 0;
 /// and each member's share of the aggregate's mass.
-#[derive(Debug)]
 pub(super) struct Members {
     pub items: Indices,
     pub shares: Vec<f32>,

@@ -14,7 +14,6 @@ use crate::multigrid::hierarchy::MAX_LEVELS;
 use crate::simd::{self, Loop, Registers, Width};
 
 /// The coarse correction during a step.
-#[derive(Debug)]
 pub(crate) struct Correction<'a> {
     levels: &'a [Aggregates],
     /// Positions and displacements of the vertices.

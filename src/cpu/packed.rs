@@ -15,7 +15,6 @@ use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
 /// What the stages of a step read besides the state.
-#[derive(Debug)]
 pub(super) struct Packed {
     pub forces: ForceArrays,
     pub coarse: Coarse,

@@ -16,7 +16,7 @@ use crate::simd;
 use crate::step::plan::Plan;
 
 /// The state as one task sees it: positions and displacements.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct StateView<'t> {
     pub x: View<'t>,
     pub u: View<'t>,

@@ -56,7 +56,6 @@ pub(crate) struct TileSize {
 }
 
 /// A tile: its vertices, its own first, and its edges of each color.
-#[derive(Debug)]
 struct Tile {
     own: usize,
     vertices: Vec<u32>,

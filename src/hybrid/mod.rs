@@ -36,7 +36,6 @@ use crate::model::cloth::{Change, Cloth};
 use crate::step::plan::Plan;
 
 /// A cloth whose state is in the CPU's memory and whose forces are computed on the GPU.
-#[derive(Debug)]
 pub(crate) struct Hybrid {
     pub gpu: Gpu,
     forces: Forces,

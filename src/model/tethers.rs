@@ -48,7 +48,6 @@ pub(super) struct Hung<'a> {
 }
 
 /// The tethers of a cloth with lone pins.
-#[derive(Debug)]
 pub(crate) struct Tethers {
     /// Lone pins, as indices into [`Hung::pinned`].
     pub anchors: Vec<u32>,

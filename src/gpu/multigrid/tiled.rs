@@ -15,7 +15,6 @@ use crate::multigrid::hierarchy::Level;
 const OWN: usize = 256;
 
 /// Tables with their buffers and the stages that read them, the finest level first.
-#[derive(Debug)]
 pub(crate) struct TiledLevels {
     in_tiles: Vec<(Tiles, wgpu::Buffer, Stage)>,
     in_workgroup: Option<(LevelTable, wgpu::Buffer, Stage)>,

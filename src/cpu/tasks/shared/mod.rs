@@ -34,7 +34,6 @@ pub(crate) mod vectors;
 use race::{Ticket, Visitors};
 
 /// Proof that code runs inside a task of the scheduler.
-#[derive(Debug)]
 pub(crate) struct Task {
     #[cfg(debug_assertions)]
     ticket: Ticket,
@@ -60,7 +59,6 @@ impl Task {
 }
 
 /// An array that the tasks of a step share.
-#[derive(Debug)]
 pub(crate) struct SharedArray<'a, T = Vec4> {
     start: *mut T,
     length: usize,
@@ -111,7 +109,6 @@ impl<'a, T> SharedArray<'a, T> {
 }
 
 /// A shared array within a task. Views are copied freely: a task may hold several of one array.
-#[derive(Debug)]
 pub(crate) struct View<'t, T = Vec4> {
     start: *mut T,
     length: usize,
@@ -191,7 +188,6 @@ impl<T: Copy> View<'_, T> {
 /// The pointer is valid as long as this lives and the device is not destroyed: it keeps the mapped view, and wgpu does not
 /// unmap a buffer that has one. The engine that writes here has always just had an answer from the device.
 #[cfg(feature = "gpu")]
-#[derive(Debug)]
 pub(crate) struct MappedVectors {
     array: SharedArray<'static, glam::Vec3>,
     /// Declared after `array`, so that it is dropped later.
@@ -230,7 +226,6 @@ type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
 /// Work in pieces that a thread lends to others, which are awake and look for it; each piece is done once. Nothing is
 /// allocated, and nobody is woken.
-#[derive(Debug)]
 pub(crate) struct Fork {
     /// Where the lender keeps its reference to the work.
     work: AtomicPtr<&'static Work<'static>>,
@@ -240,7 +235,6 @@ pub(crate) struct Fork {
     pieces: [PieceState; MAX_PIECES],
 }
 
-#[derive(Debug)]
 #[repr(align(128))]
 struct PieceState(AtomicU8);
 
