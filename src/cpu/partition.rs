@@ -39,7 +39,6 @@ const GROUP: usize = simd::MAX_LANES;
 const NONE: u32 = u32::MAX;
 
 /// The decomposition of a cloth's or a level's sweep. See the module's documentation.
-#[derive(Debug, Clone)]
 pub(crate) struct Partition {
     /// Ranges of vertices, ascending.
     pub tiles: Vec<Range<u32>>,

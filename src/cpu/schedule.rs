@@ -101,7 +101,6 @@ pub(crate) struct Schedule {
 }
 
 /// What a schedule covers, as an index of [`Schedule::all`].
-#[derive(Debug, Clone, Copy)]
 pub(crate) enum Part {
     /// What comes before the substeps, and without contact of triangles the substeps, too.
     Prologue,

@@ -17,7 +17,6 @@ const GRAIN: usize = 4096;
 const BLOCK: usize = 256;
 
 /// The state that statistics are taken of.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Observed<'a> {
     /// Positions (m), w the inverse mass.
     pub x: &'a [Vec4],

@@ -85,7 +85,6 @@ pub(crate) struct Cloth {
 }
 
 /// The triangles with their masses for aerodynamic forces, and the triangles at each vertex.
-#[derive(Debug, Clone)]
 pub(crate) struct Panels {
     pub panels: Vec<Panel>,
     pub around: Csr<u32>,

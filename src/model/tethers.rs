@@ -56,7 +56,6 @@ pub(crate) struct Tethers {
 }
 
 /// A vertex that is near a lone pin.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Held {
     pub vertex: u32,
     /// Index into [`Tethers::anchors`].

@@ -47,7 +47,6 @@ pub(crate) struct SweepInputs<'a> {
 }
 
 /// The bytes of the table at which the tethers begin, the pins, the rows of bending, the rings and the level; then its end.
-#[derive(Debug, Clone, Copy)]
 struct Places {
     tethers: usize,
     pins: usize,
