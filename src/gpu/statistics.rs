@@ -54,7 +54,7 @@ impl Counter {
 
     /// Resets the statistics, ahead of what is submitted next.
     pub(crate) fn clear(&self, gpu: &Gpu) {
-        gpu.write(&self.counted, 0, &[Statistics::NONE]);
+        gpu.write(&self.counted, 0, &[Statistics::default()]);
     }
 
     /// Encodes the statistics of the cloth's own state.

@@ -109,6 +109,7 @@ impl<'a, T> SharedArray<'a, T> {
 }
 
 /// A shared array within a task. Views are copied freely: a task may hold several of one array.
+#[derive(Clone, Copy)]
 pub(crate) struct View<'t, T = Vec4> {
     start: *mut T,
     length: usize,
@@ -117,16 +118,7 @@ pub(crate) struct View<'t, T = Vec4> {
     visitors: (&'t Visitors, &'t Task),
 }
 
-impl<T> Clone for View<'_, T> {
-    #[inline(always)]
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<T> Copy for View<'_, T> {}
-
-impl<T> View<'_, T> {
+impl<T: Copy> View<'_, T> {
     /// The address of an item.
     #[inline(always)]
     fn pointer(self, item: usize) -> *mut T {
@@ -165,9 +157,7 @@ impl<T> View<'_, T> {
         #[cfg(not(target_arch = "x86_64"))]
         let _ = items;
     }
-}
 
-impl<T: Copy> View<'_, T> {
     #[inline(always)]
     pub(crate) fn get(self, item: usize) -> T {
         self.reads(item, 1);
