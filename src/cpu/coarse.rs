@@ -129,19 +129,9 @@ impl Coarse {
         }
     }
 
-    /// Discards all levels.
-    pub(crate) fn forget(&mut self) {
-        *self = Coarse::default();
-    }
-
     /// The number of levels whose sweeps are divided into tasks. They are the finest ones.
     pub(crate) fn shared(&self) -> usize {
         self.levels.iter().take_while(|level| level.partition.tiles.len() > 1).count()
-    }
-
-    /// The partition of a level's sweep.
-    pub(crate) fn partition(&self, level: usize) -> &Partition {
-        &self.levels[level].partition
     }
 
     /// The aggregates of each restriction task of a level.

@@ -55,7 +55,7 @@ impl Packed {
 
     /// Discards what a change of masses or edges makes invalid.
     pub(super) fn forget(&mut self, change: Change) {
-        self.coarse.forget();
+        self.coarse = Coarse::default();
         (self.coefficients_for, self.terms) = (None, None);
         if change == Change::Edges {
             (self.partition, self.edges, self.edges_back) = (None, Vec::new(), Vec::new());
@@ -77,7 +77,7 @@ impl Packed {
         let packed = Some((coefficients.length, levels, threads));
         if self.coefficients_for != packed {
             if self.coefficients_for.is_none_or(|(_, _, before)| before != threads) {
-                self.coarse.forget();
+                self.coarse = Coarse::default();
                 self.terms = None;
             }
             self.coefficients_for = packed;

@@ -122,7 +122,7 @@ impl Multigrid {
     #[cfg(test)]
     pub(crate) fn in_tiles(&self) -> Option<usize> {
         match &self.sweep {
-            LevelSweep::Tiled(tiled) => Some(tiled.in_tiles()),
+            LevelSweep::Tiled(tiled) => Some(tiled.in_tiles.len()),
             LevelSweep::PerColor(_) => None,
         }
     }
