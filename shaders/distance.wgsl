@@ -44,6 +44,14 @@ fn relax_edge(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     return d * (edge.inverse_weight * (1.0 / (edge.inverse_rest * l) - 1.0));
 }
 
+// The impulse of an edge by the method of the step.
+fn edge_impulse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+    if params.relaxed != 0u {
+        return relax_edge(d0, du, edge);
+    }
+    return project_edge(d0, du, edge);
+}
+
 // The impulse of a coarse edge that only pulls.
 fn pull_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
     let d = d0 + du;

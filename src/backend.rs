@@ -7,7 +7,7 @@ use glam::Vec4;
 use crate::contact::Tally;
 use crate::cpu::Cpu;
 #[cfg(feature = "gpu")]
-use crate::device::fault::{Excess, GpuFault};
+use crate::device::fault::{GpuFault, Need};
 #[cfg(feature = "gpu")]
 use crate::device::{Gpu, IN_BROWSER};
 use crate::error::BuildError;
@@ -23,7 +23,6 @@ use crate::past::Past;
 use crate::step::plan::Plan;
 
 /// The engine in use, which holds the state.
-#[derive(Debug)]
 pub(crate) enum Engine {
     Cpu(Box<Cpu>),
     #[cfg(feature = "gpu")]
@@ -70,7 +69,7 @@ impl Engine {
                     BuildError::GpuLost { backend, gpu }
                 }
                 GpuFault::Memory(reason) => BuildError::GpuMemory { backend, reason },
-                GpuFault::Limit(Excess { thing, needed, limit, allowed }) => {
+                GpuFault::Limit(Need { thing, needed, limit, allowed }) => {
                     BuildError::GpuLimit { backend, thing, needed, limit, allowed }
                 }
                 GpuFault::Other(reason) => BuildError::NoGpu { backend, reason },

@@ -8,22 +8,6 @@ const SLICE: u32 = 32u;
 // registers for that.
 override AHEAD: u32 = 8u;
 
-fn curvature_of(k: u32) -> u32 {
-    return 2u * bend_room() + k;
-}
-
-fn change_of(k: u32) -> u32 {
-    return 3u * bend_room() + k;
-}
-
-fn trial_of(k: u32) -> u32 {
-    return 4u * bend_room() + k;
-}
-
-fn resisted_of(k: u32) -> u32 {
-    return 5u * bend_room() + k;
-}
-
 fn entry_stride() -> u32 {
     return SLICE;
 }
@@ -71,22 +55,22 @@ fn first_moment(k: u32, rate: f32, ahead: Fetched) {
     let damping = row.stiffness * row.tau;
     if !is_filtered() {
         let bend = bend_moment(ring, row.stiffness, damping);
-        set_bend_vector(moment_of(k), bend.moment);
-        set_bend_vector(couple_at(k), bend.couple);
+        set_bend_vector(place_of(MOMENT, k), bend.moment);
+        set_bend_vector(place_of(COUPLE, k), bend.couple);
         return;
     }
     let resisted = bend_moment(ring, 0.0, damping);
     let passed = next_moment(vec3f(), vec3f(), ring.y, row.stiffness, bend_pass_at(0u));
-    set_bend_vector(moment_of(k), passed.moment);
-    set_bend_vector(couple_at(k), resisted.couple);
-    set_bend_vector(curvature_of(k), ring.y);
-    set_bend_vector(change_of(k), passed.change);
-    set_bend_vector(resisted_of(k), resisted.moment);
+    set_bend_vector(place_of(MOMENT, k), passed.moment);
+    set_bend_vector(place_of(COUPLE, k), resisted.couple);
+    set_bend_vector(place_of(CURVATURE, k), ring.y);
+    set_bend_vector(place_of(CHANGE, k), passed.change);
+    set_bend_vector(place_of(RESISTED, k), resisted.moment);
 }
 
 // The force of an entry's moment alone, and a sum with four of them.
 fn push_of(entry: BendEntry) -> vec3f {
-    return bend_vector(moment_of(entry.other)) * entry.backward;
+    return bend_vector(place_of(MOMENT, entry.other)) * entry.backward;
 }
 
 fn push_of_four(force: vec3f, four: FourEntries) -> vec3f {
@@ -95,7 +79,7 @@ fn push_of_four(force: vec3f, four: FourEntries) -> vec3f {
 
 fn trial_displacements(k: u32, w: f32, bend_pass: BendPass) {
     let entries = entries_of(k);
-    var force = bend_vector(moment_of(k)) * row_of(k).diagonal;
+    var force = bend_vector(place_of(MOMENT, k)) * row_of(k).diagonal;
     if AHEAD > 0u {
         let four = fetch_four_entries(entries, 0u);
         let next = fetch_four_entries(entries, 4u);
@@ -104,12 +88,12 @@ fn trial_displacements(k: u32, w: f32, bend_pass: BendPass) {
     for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
         force += push_of(entry_at(at));
     }
-    set_bend_vector(trial_of(k), force * (w * bend_pass.trial));
+    set_bend_vector(place_of(TRIAL, k), force * (w * bend_pass.trial));
 }
 
 // The part of an entry in the change of the curvature normal by tentative displacements, that of the vertex being `own`.
 fn bent_by(own: vec3f, entry: BendEntry) -> vec3f {
-    return (bend_vector(trial_of(entry.other)) - own) * entry.forward;
+    return (bend_vector(place_of(TRIAL, entry.other)) - own) * entry.forward;
 }
 
 fn bent_by_four(bent: vec3f, own: vec3f, four: FourEntries) -> vec3f {
@@ -118,8 +102,8 @@ fn bent_by_four(bent: vec3f, own: vec3f, four: FourEntries) -> vec3f {
 
 fn filter_moments(k: u32, bend_pass: BendPass) {
     let entries = entries_of(k);
-    let own = bend_vector(trial_of(k));
-    var bent = bend_vector(curvature_of(k));
+    let own = bend_vector(place_of(TRIAL, k));
+    var bent = bend_vector(place_of(CURVATURE, k));
     if AHEAD > 0u {
         let four = fetch_four_entries(entries, 0u);
         let next = fetch_four_entries(entries, 4u);
@@ -128,19 +112,20 @@ fn filter_moments(k: u32, bend_pass: BendPass) {
     for (var at = entries.start + 3u * AHEAD * SLICE; at < entries.end; at += 3u * SLICE) {
         bent += bent_by(own, entry_at(at));
     }
-    let passed = next_moment(bend_vector(moment_of(k)), bend_vector(change_of(k)), bent, row_of(k).stiffness, bend_pass);
+    let moment = bend_vector(place_of(MOMENT, k));
+    let passed = next_moment(moment, bend_vector(place_of(CHANGE, k)), bent, row_of(k).stiffness, bend_pass);
     if bend_pass.last == 0u {
-        set_bend_vector(moment_of(k), passed.moment);
-        set_bend_vector(change_of(k), passed.change);
+        set_bend_vector(place_of(MOMENT, k), passed.moment);
+        set_bend_vector(place_of(CHANGE, k), passed.change);
     } else {
-        set_bend_vector(moment_of(k), passed.moment + bend_vector(resisted_of(k)));
+        set_bend_vector(place_of(MOMENT, k), passed.moment + bend_vector(place_of(RESISTED, k)));
     }
 }
 
 fn bend_force(k: u32, ahead: Fetched) -> vec3f {
     let entries = ahead.entries;
-    let own = bend_vector(couple_at(k));
-    var force = -bend_vector(moment_of(k)) * row_in(k, ahead).diagonal;
+    let own = bend_vector(place_of(COUPLE, k));
+    var force = -bend_vector(place_of(MOMENT, k)) * row_in(k, ahead).diagonal;
     if AHEAD > 0u {
         force = force_of_four(force_of_four(force, k, own, ahead.four), k, own, ahead.next);
     }

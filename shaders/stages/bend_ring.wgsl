@@ -3,13 +3,17 @@
 // `bent_p`), and how the intermediate vectors are stored (`bend_vector`, `set_bend_vector`), with room for `bend_room`
 // vertices.
 
-// Positions of a vertex's vectors: moment and couple always, the others only with several passes.
-fn moment_of(k: u32) -> u32 {
-    return k;
-}
+// The vectors of a vertex: moment and couple always, the others only with several passes.
+const MOMENT: u32 = 0u;
+const COUPLE: u32 = 1u;
+const CURVATURE: u32 = 2u;
+const CHANGE: u32 = 3u;
+const TRIAL: u32 = 4u;
+const RESISTED: u32 = 5u;
 
-fn couple_at(k: u32) -> u32 {
-    return bend_room() + k;
+// The position of one of the vectors of vertex `k`.
+fn place_of(vector: u32, k: u32) -> u32 {
+    return vector * bend_room() + k;
 }
 
 // The entries of vertex `k`: of each the neighbor, as a position among the vertices held, then the forward coefficient, then
@@ -69,11 +73,11 @@ fn add_four_entries(ring: ptr<function, Ring>, k: u32, rate: f32, four: FourEntr
 
 // The force of an entry on vertex `k`, whose couple is `own`.
 fn force_of(k: u32, own: vec3f, entry: BendEntry) -> vec3f {
-    let pull = bend_vector(moment_of(entry.other)) * -entry.backward;
+    let pull = bend_vector(place_of(MOMENT, entry.other)) * -entry.backward;
     if params.damped == 0u {
         return pull;
     }
-    let couple = couple_of(own, bend_vector(couple_at(entry.other)), entry);
+    let couple = couple_of(own, bend_vector(place_of(COUPLE, entry.other)), entry);
     return pull - cross(couple, bent_x(entry.other) - bent_x(k));
 }
 

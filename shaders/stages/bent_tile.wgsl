@@ -69,8 +69,8 @@ fn substep_of_bent_tile(me: Invocation, group: Workgroup) {
             add_entry(&ring, k, substep.rate, fetch_entry(entries, index));
         }
         moment = bend_moment(ring, row.stiffness, row.stiffness * row.tau);
-        set_bend_vector(moment_of(k), moment.moment);
-        set_bend_vector(couple_at(k), moment.couple);
+        set_bend_vector(place_of(MOMENT, k), moment.moment);
+        set_bend_vector(place_of(COUPLE, k), moment.couple);
     }
     workgroupBarrier();
     if me.lane < FORCED {

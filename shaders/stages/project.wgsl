@@ -15,14 +15,7 @@ fn project(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gr
     let edge = edges[batch.first + k];
     let x_a = x[edge.a];
     let x_b = x[edge.b];
-    let d0 = x_a.xyz - x_b.xyz;
-    let du = u[edge.a].xyz - u[edge.b].xyz;
-    var impulse: vec3f;
-    if params.relaxed != 0u {
-        impulse = relax_edge(d0, du, edge);
-    } else {
-        impulse = project_edge(d0, du, edge);
-    }
+    let impulse = edge_impulse(x_a.xyz - x_b.xyz, u[edge.a].xyz - u[edge.b].xyz, edge);
     u[edge.a] += vec4f(impulse * x_a.w, 0.0);
     u[edge.b] -= vec4f(impulse * x_b.w, 0.0);
 }

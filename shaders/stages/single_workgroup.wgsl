@@ -79,12 +79,7 @@ fn correct(edge: Edge) {
     let x_b = state[edge.b];
     let u_a = displacement(edge.a);
     let u_b = displacement(edge.b);
-    var impulse: vec3f;
-    if params.relaxed != 0u {
-        impulse = relax_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
-    } else {
-        impulse = project_edge(x_a.xyz - x_b.xyz, u_a - u_b, edge);
-    }
+    let impulse = edge_impulse(x_a.xyz - x_b.xyz, u_a - u_b, edge);
     set_displacement(edge.a, u_a + impulse * x_a.w);
     set_displacement(edge.b, u_b - impulse * x_b.w);
 }

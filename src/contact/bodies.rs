@@ -16,7 +16,6 @@ use crate::step::plan::{MeshBody, Plan};
 pub(super) const NEAR: f32 = 0.1;
 
 /// The mesh colliders, from step to step.
-#[derive(Debug)]
 pub(crate) struct Bodies {
     /// Index of their first vertex.
     pub first: usize,

@@ -111,11 +111,9 @@ pub(crate) struct Tally {
 }
 
 /// The state of contact that another one replaced, if there was any.
-#[derive(Debug)]
 pub(crate) struct Replaced<T>(pub Option<Box<T>>);
 
 /// The state of contact of a cloth with itself and with mesh bodies, kept between steps.
-#[derive(Debug)]
 pub(crate) struct TriangleContact {
     pub surface: Surface,
     /// The cloth's coefficient of friction with itself.

@@ -31,7 +31,6 @@ use crate::step::plan::Plan;
 use crate::threads;
 
 /// The state of the cloth in memory, one value per vertex in the cloth's order, and all that is kept between its steps.
-#[derive(Debug)]
 pub(crate) struct Cpu {
     /// Positions (m), w the inverse mass (1/kg).
     pub x: AlignedVec,

@@ -24,7 +24,6 @@ pub(crate) struct FilterArrays {
 }
 
 /// The same arrays, shared by the tasks of a step.
-#[derive(Debug)]
 pub(crate) struct Filter<'a> {
     curvatures: SharedArray<'a>,
     changes: SharedArray<'a>,
@@ -67,7 +66,7 @@ impl Filter<'_> {
 }
 
 /// One pass of the filter, as a task sees it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct FilterPass<'t> {
     moments: View<'t>,
     curvatures: View<'t>,

@@ -18,14 +18,13 @@ const WORTHWHILE: usize = 2048;
 pub(super) const MIXED: u32 = u32::MAX;
 
 /// The coarse levels in use, packed for the CPU, finest first; empty without levels.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Coarse {
     pub(super) levels: Vec<Aggregates>,
-    pub(super) states: Vec<AggregateState>,
+    pub(super) states: Vec<AggregateState<AlignedVec>>,
 }
 
 /// The aggregates of one level.
-#[derive(Debug)]
 pub(super) struct Aggregates {
     pub members: Members,
     /// The aggregate of each item of the next finer level.
@@ -42,21 +41,19 @@ pub(super) struct Aggregates {
     pub sweeps: u32,
 }
 
-/// The state of a level's aggregates within a substep.
-#[derive(Debug)]
-pub(super) struct AggregateState {
+/// The state of a level's aggregates within a substep, in lists `T`.
+pub(super) struct AggregateState<T> {
     /// Centers of mass (m), w the inverse mass (1/kg).
-    pub x: AlignedVec,
+    pub x: T,
     /// Displacement (m): first the restricted one, and after the level's sweep the correction. The w component has no
     /// meaning.
-    pub change: AlignedVec,
+    pub change: T,
     /// Displacement (m) after the corrections.
-    pub u: AlignedVec,
+    pub u: T,
 }
 
 /// The members of each aggregate, ascending, padded to whole registers by repeating the first with a mass share of 0;
 /// and each member's share of the aggregate's mass.
-#[derive(Debug)]
 pub(super) struct Members {
     pub items: Indices,
     pub shares: Vec<f32>,
@@ -132,19 +129,9 @@ impl Coarse {
         }
     }
 
-    /// Discards all levels.
-    pub(crate) fn forget(&mut self) {
-        *self = Coarse::default();
-    }
-
     /// The number of levels whose sweeps are divided into tasks. They are the finest ones.
     pub(crate) fn shared(&self) -> usize {
         self.levels.iter().take_while(|level| level.partition.tiles.len() > 1).count()
-    }
-
-    /// The partition of a level's sweep.
-    pub(crate) fn partition(&self, level: usize) -> &Partition {
-        &self.levels[level].partition
     }
 
     /// The aggregates of each restriction task of a level.

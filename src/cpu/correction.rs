@@ -13,21 +13,12 @@ use crate::cpu::tasks::shared::{SharedArray, Task, View};
 use crate::multigrid::hierarchy::MAX_LEVELS;
 use crate::simd::{self, Loop, Registers, Width};
 
-/// The state of a level during a step.
-#[derive(Debug)]
-struct Arrays<'a> {
-    x: SharedArray<'a>,
-    change: SharedArray<'a>,
-    u: SharedArray<'a>,
-}
-
 /// The coarse correction during a step.
-#[derive(Debug)]
 pub(crate) struct Correction<'a> {
     levels: &'a [Aggregates],
     /// Positions and displacements of the vertices.
     fine: (&'a SharedArray<'a>, &'a SharedArray<'a>),
-    arrays: [Option<Arrays<'a>>; MAX_LEVELS],
+    states: [Option<AggregateState<SharedArray<'a>>>; MAX_LEVELS],
     rule: Rule,
     width: Width,
 }
@@ -41,18 +32,19 @@ impl<'a> Correction<'a> {
         rule: Rule,
         width: Width,
     ) -> Correction<'a> {
-        let mut states = coarse.states.iter_mut();
-        let arrays = std::array::from_fn(|_| {
-            let AggregateState { x, change, u } = states.next()?;
-            Some(Arrays { x: SharedArray::new(x.room()), change: SharedArray::new(change.room()), u: SharedArray::new(u.room()) })
+        let mut lists = coarse.states.iter_mut();
+        let states = std::array::from_fn(|_| {
+            let AggregateState { x, change, u } = lists.next()?;
+            let [x, change, u] = [x, change, u].map(|list| SharedArray::new(list.room()));
+            Some(AggregateState { x, change, u })
         });
-        Correction { levels: &coarse.levels, fine: (x, u), arrays, rule, width }
+        Correction { levels: &coarse.levels, fine: (x, u), states, rule, width }
     }
 }
 
 impl Correction<'_> {
-    fn arrays(&self, level: usize) -> &Arrays<'_> {
-        self.arrays[level].as_ref().expect("a level in use has arrays")
+    fn state(&self, level: usize) -> &AggregateState<SharedArray<'_>> {
+        self.states[level].as_ref().expect("a level in use has a state")
     }
 
     /// Restricts to some aggregates of a level, those of one task.
@@ -63,9 +55,9 @@ impl Correction<'_> {
     fn average(&self, task: &Task, level: usize, aggregates: Range<usize>) {
         let (x, u) = match level {
             0 => self.fine,
-            _ => (&self.arrays(level - 1).x, &self.arrays(level - 1).u),
+            _ => (&self.state(level - 1).x, &self.state(level - 1).u),
         };
-        let (to, here) = (self.arrays(level), &self.levels[level]);
+        let (to, here) = (self.state(level), &self.levels[level]);
         simd::run(
             self.width,
             Restrict {
@@ -96,8 +88,8 @@ impl Correction<'_> {
 
     /// Sweeps a piece of a level. In the first round, the corrections of the coarser levels are prolongated to it before.
     pub(crate) fn sweep(&self, task: &Task, level: usize, round: usize, piece: usize) {
-        let (here, arrays) = (&self.levels[level], self.arrays(level));
-        let (x, change, u) = (arrays.x.within(task), arrays.change.within(task), arrays.u.within(task));
+        let (here, state) = (&self.levels[level], self.state(level));
+        let (x, change, u) = (state.x.within(task), state.change.within(task), state.u.within(task));
         if round == 0 && level + 1 < self.levels.len() {
             self.prolongate(task, level + 1, u, here.partition.tiles[piece].clone());
         }
@@ -117,7 +109,7 @@ impl Correction<'_> {
 
     fn prolongate(&self, task: &Task, level: usize, u: View<'_>, items: Range<u32>) {
         let (Aggregates { label, common, .. }, items) = (&self.levels[level], items.start as usize..items.end as usize);
-        simd::run(self.width, Prolongate { label, common, change: self.arrays(level).change.within(task), u, items });
+        simd::run(self.width, Prolongate { label, common, change: self.state(level).change.within(task), u, items });
     }
 }
 

@@ -33,7 +33,6 @@ struct RowRange {
 }
 
 /// Consecutive rows with the same layout, as the sweep processes them.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct EdgeBatch<'a> {
     pub ends: Ends,
     /// For each row, one value per lane: the inverse rest length (1/m), then for each end the edge's `inverse_weight`
@@ -71,7 +70,6 @@ pub(crate) struct EdgeBatches {
 }
 
 /// A lane of a row: the index of its edge in the color order, and whether it applies that edge's correction.
-#[derive(Debug, Clone, Copy)]
 struct Lane {
     index: u32,
     corrects: bool,

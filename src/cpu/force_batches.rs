@@ -37,7 +37,6 @@ enum Neighbors {
 }
 
 /// The row values of a group of vertices.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct RingLanes<L> {
     pub stiffness: L,
     /// Stiffness times the retardation time.

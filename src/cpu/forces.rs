@@ -41,7 +41,6 @@ pub(crate) struct ForceArrays {
 }
 
 /// The force arrays during a step.
-#[derive(Debug)]
 pub(crate) struct Forces<'a> {
     plan: &'a Plan<'a>,
     x: &'a SharedArray<'a>,

@@ -16,7 +16,6 @@ use crate::simd::{self, Loop, MAX_LANES, Registers, Width, load_vectors, store_v
 use crate::step::plan::Plan;
 
 /// The state, and the copy of it that a failed step is undone from.
-#[derive(Debug)]
 pub(crate) struct Integrator<'a> {
     pub plan: &'a Plan<'a>,
     /// Positions (m), w the inverse mass (1/kg).

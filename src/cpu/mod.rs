@@ -29,4 +29,4 @@ pub(crate) use backend::Cpu;
 #[cfg(feature = "gpu")]
 pub(crate) use substep::{ExternalPrediction, StateView};
 #[cfg(feature = "gpu")]
-pub(crate) use tasks::shared::{MappedVectors, SharedArray, Task};
+pub(crate) use tasks::shared::{MappedVectors, Task};

@@ -15,7 +15,6 @@ use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
 /// What the stages of a step read besides the state.
-#[derive(Debug)]
 pub(super) struct Packed {
     pub forces: ForceArrays,
     pub coarse: Coarse,
@@ -56,7 +55,7 @@ impl Packed {
 
     /// Discards what a change of masses or edges makes invalid.
     pub(super) fn forget(&mut self, change: Change) {
-        self.coarse.forget();
+        self.coarse = Coarse::default();
         (self.coefficients_for, self.terms) = (None, None);
         if change == Change::Edges {
             (self.partition, self.edges, self.edges_back) = (None, Vec::new(), Vec::new());
@@ -78,7 +77,7 @@ impl Packed {
         let packed = Some((coefficients.length, levels, threads));
         if self.coefficients_for != packed {
             if self.coefficients_for.is_none_or(|(_, _, before)| before != threads) {
-                self.coarse.forget();
+                self.coarse = Coarse::default();
                 self.terms = None;
             }
             self.coefficients_for = packed;

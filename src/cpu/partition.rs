@@ -39,7 +39,6 @@ const GROUP: usize = simd::MAX_LANES;
 const NONE: u32 = u32::MAX;
 
 /// The decomposition of a cloth's or a level's sweep. See the module's documentation.
-#[derive(Debug, Clone)]
 pub(crate) struct Partition {
     /// Ranges of vertices, ascending.
     pub tiles: Vec<Range<u32>>,
@@ -256,7 +255,7 @@ fn give_vertices(
             let ends = piece.edges.iter().flat_map(|&place| links[place as usize].ends);
             piece.touches = distinct(ends.chain(given.iter().copied()).map(|vertex| tile_of[vertex as usize]).collect());
             piece.touches.shrink_to_fit();
-            piece.vertices = runs(given.into_iter());
+            piece.vertices = given.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + 1).collect();
         }
     }
     // Add the tiles whose forces read vertices that the piece moves.
@@ -267,18 +266,6 @@ fn give_vertices(
             }
         }
     }
-}
-
-/// Groups ascending numbers into ranges.
-fn runs(numbers: impl Iterator<Item = u32>) -> Vec<Range<u32>> {
-    let mut ranges: Vec<Range<u32>> = Vec::new();
-    for number in numbers {
-        match ranges.last_mut() {
-            Some(last) if last.end == number => last.end += 1,
-            _ => ranges.push(number..number + 1),
-        }
-    }
-    ranges
 }
 
 #[cfg(test)]

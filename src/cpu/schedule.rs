@@ -101,7 +101,6 @@ pub(crate) struct Schedule {
 }
 
 /// What a schedule covers, as an index of [`Schedule::all`].
-#[derive(Debug, Clone, Copy)]
 pub(crate) enum Part {
     /// What comes before the substeps, and without contact of triangles the substeps, too.
     Prologue,
@@ -180,7 +179,7 @@ impl Resources<'_> {
     }
 
     fn first_of_level(&self, level: usize) -> usize {
-        self.partition.tiles.len() + (0..level).map(|level| self.coarse.partition(level).tiles.len()).sum::<usize>()
+        self.partition.tiles.len() + (0..level).map(|level| self.coarse.levels[level].partition.tiles.len()).sum::<usize>()
     }
 
     /// The resource numbers of some aggregates of a level.
@@ -189,7 +188,7 @@ impl Resources<'_> {
             return vec![self.count() as u32 - 1];
         }
         let first = self.first_of_level(level) as u32;
-        distinct(aggregates.map(|aggregate| first + tile_with(&self.coarse.partition(level).tiles, aggregate)).collect())
+        distinct(aggregates.map(|aggregate| first + tile_with(&self.coarse.levels[level].partition.tiles, aggregate)).collect())
     }
 
     /// The resources that each task of a pass accesses.
@@ -220,11 +219,11 @@ impl Resources<'_> {
             // has.
             Domain::PiecesOfLevel(level, 0) => {
                 let first = self.first_of_level(level) as u32;
-                (0..coarse.partition(level).tiles.len() as u32).map(|tile| vec![first + tile]).collect()
+                (0..coarse.levels[level].partition.tiles.len() as u32).map(|tile| vec![first + tile]).collect()
             }
             Domain::PiecesOfLevel(level, round) => {
                 let first = self.first_of_level(level) as u32;
-                let pieces = coarse.partition(level).rounds[round].iter();
+                let pieces = coarse.levels[level].partition.rounds[round].iter();
                 pieces.map(|piece| piece.touches.iter().map(|tile| first + tile).collect()).collect()
             }
         }
@@ -258,7 +257,7 @@ impl Resources<'_> {
             // tile.
             Domain::PiecesOfLevel(level, 0) if level + 1 < coarse.levels.len() => {
                 let labels = |tile: &Range<u32>| self.of_level(level + 1, coarse.labels(level + 1, tile.clone()));
-                coarse.partition(level).tiles.iter().map(labels).collect()
+                coarse.levels[level].partition.tiles.iter().map(labels).collect()
             }
             _ => Vec::new(),
         }

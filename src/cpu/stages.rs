@@ -103,7 +103,7 @@ pub(super) fn stages(terms: Terms, partition: &Partition, coarse: &Coarse) -> Ve
         stages.extend((0..shared.max(1)).map(Stage::Restrict));
         stages.extend((shared < terms.levels).then_some(Stage::SmallLevels(shared)));
         for level in (0..shared).rev() {
-            stages.extend((0..coarse.partition(level).rounds.len()).map(|round| Stage::SweepLevel(level, round)));
+            stages.extend((0..coarse.levels[level].partition.rounds.len()).map(|round| Stage::SweepLevel(level, round)));
         }
         stages.push(Stage::Correct);
     }

@@ -17,7 +17,6 @@ const GRAIN: usize = 4096;
 const BLOCK: usize = 256;
 
 /// The state that statistics are taken of.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Observed<'a> {
     /// Positions (m), w the inverse mass.
     pub x: &'a [Vec4],
@@ -38,14 +37,14 @@ impl Observed<'_> {
         let together = |a: Statistics, b: Statistics| a.with(&b);
         if alone || !HAS_THREADS {
             let vertices = self.x.chunks(GRAIN).zip(self.u.chunks(GRAIN));
-            return gauges.chunks(GRAIN).map(of_gauges).chain(vertices.map(of_vertices)).fold(Statistics::NONE, together);
+            return gauges.chunks(GRAIN).map(of_gauges).chain(vertices.map(of_vertices)).fold(Statistics::default(), together);
         }
         let vertices = self.x.par_chunks(GRAIN).zip(self.u.par_chunks(GRAIN));
-        gauges.par_chunks(GRAIN).map(of_gauges).chain(vertices.map(of_vertices)).reduce(|| Statistics::NONE, together)
+        gauges.par_chunks(GRAIN).map(of_gauges).chain(vertices.map(of_vertices)).reduce(Statistics::default, together)
     }
 
     fn stretches(&self, gauges: &[StrainGauge]) -> Statistics {
-        let mut seen = Statistics::NONE;
+        let mut seen = Statistics::default();
         let (mut sum, mut worst) = (0.0_f32, 0.0_f32);
         for gauges in gauges.chunks(BLOCK) {
             let mut lengths = [0.0; BLOCK];
@@ -64,7 +63,7 @@ impl Observed<'_> {
     }
 
     fn speeds(&self) -> Statistics {
-        let mut seen = Statistics::NONE;
+        let mut seen = Statistics::default();
         let (mut sum, mut fastest) = (0.0_f32, 0.0_f32);
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         for (x, u) in self.x.chunks(BLOCK).zip(self.u.chunks(BLOCK)) {

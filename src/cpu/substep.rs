@@ -11,11 +11,12 @@ use crate::cpu::schedule::{Domain, Pass};
 use crate::cpu::stages::{Stage, Terms};
 use crate::cpu::sweep::{Rule, sweep};
 use crate::cpu::tasks::shared::{Task, View};
-use crate::cpu::tethers::{self, TetherBatches};
+use crate::cpu::tethers::{Hold, TetherBatches};
+use crate::simd;
 use crate::step::plan::Plan;
 
 /// The state as one task sees it: positions and displacements.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct StateView<'t> {
     pub x: View<'t>,
     pub u: View<'t>,
@@ -27,7 +28,7 @@ pub(crate) trait ExternalPrediction: Sync {
     fn exchange(&self, task: &Task, state: StateView<'_>, substep: usize);
 
     /// Predicts the displacements of a range of vertices.
-    fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize);
+    fn predict(&self, state: StateView<'_>, vertices: Range<u32>, substep: usize);
 
     /// Is told of ranges of vertices that have just been moved.
     fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize);
@@ -96,7 +97,8 @@ impl Stepper<'_> {
             Stage::SweepBack(round) => self.sweep(task, round, part, &self.edges[1][round]),
             Stage::Tether(round) => {
                 let StateView { x, u } = self.state(task);
-                tethers::hold(&self.tethers[round], part, self.plan, substep, [x, u], self.integrator.width);
+                let hold = Hold { batches: &self.tethers[round], piece: part, x, u, plan: self.plan, substep };
+                simd::run(self.integrator.width, hold);
             }
             Stage::Move(round) => self.advance(task, &self.partition.rounds[round][part].vertices, index),
             Stage::MoveAfterContact => self.advance(task, &[tile()], index),
@@ -110,7 +112,7 @@ impl Stepper<'_> {
     fn predict(&self, task: &Task, tile: Range<u32>, index: usize) {
         let substep = &self.plan.substeps[index];
         if let Some(external) = self.external {
-            return external.predict(task, self.state(task), tile, index);
+            return external.predict(self.state(task), tile, index);
         }
         if self.terms.bending {
             self.forces.bend(task, tile.clone(), substep);

@@ -66,7 +66,6 @@ pub(crate) fn sweep(
 }
 
 /// Corrects a batch of rows in order. A row is as many edges as there are lanes, no two of which share a vertex.
-#[derive(Debug, Clone, Copy)]
 struct SweepRows<'t> {
     rule: Rule,
     batch: EdgeBatch<'t>,

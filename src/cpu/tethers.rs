@@ -10,7 +10,7 @@ use crate::kernels::params::Substep;
 use crate::kernels::tether::{Tether, anchor_path, tethered};
 use crate::model::csr::distinct;
 use crate::simd::aligned::AlignedVec;
-use crate::simd::{self, Loop, Registers, Width};
+use crate::simd::{Loop, Registers};
 use crate::step::plan::Plan;
 
 /// The tethers of a round's pieces, packed in batches of one per lane, all of a batch attached to the same pin. Lanes
@@ -60,34 +60,23 @@ impl TetherBatches {
 }
 
 /// Corrects the displacements `u` (m) of the tethered vertices, at `x` (m), among those whose last edge `piece` has swept.
-pub(crate) fn hold(
-    batches: &TetherBatches,
-    piece: usize,
-    plan: &Plan<'_>,
-    substep: &Substep,
-    [x, u]: [View<'_>; 2],
-    width: Width,
-) {
-    simd::run(width, Hold { batches, range: batches.of[piece].clone(), x, u, plan, substep });
-}
-
-struct Hold<'t> {
-    batches: &'t TetherBatches,
-    range: Range<usize>,
-    x: View<'t>,
-    u: View<'t>,
-    plan: &'t Plan<'t>,
-    substep: &'t Substep,
+pub(crate) struct Hold<'t> {
+    pub batches: &'t TetherBatches,
+    pub piece: usize,
+    pub x: View<'t>,
+    pub u: View<'t>,
+    pub plan: &'t Plan<'t>,
+    pub substep: &'t Substep,
 }
 
 impl Loop for Hold<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Hold { batches, x, u, plan, substep, .. } = self;
+        let Hold { batches, piece, x, u, plan, substep } = self;
         let (x, u) = (x.at(&batches.vertices), u.at(&batches.vertices));
         let numbers: &[f32] = bytemuck::cast_slice(&batches.numbers);
         let load = L::splat(plan.params.load);
-        for batch in self.range {
+        for batch in batches.of[piece].clone() {
             let first = batch * L::LANES;
             let (lengths, others) = numbers[3 * first..3 * first + 3 * L::LANES].split_at(L::LANES);
             let (slacks, shares) = others.split_at(L::LANES);

@@ -19,7 +19,6 @@ const GAIN: f64 = 0.96;
 const NEWEST: f64 = 0.125;
 
 /// Chooses the number of threads, step by step. Candidate `i` stands for `2^i` threads, at most the pool's.
-#[derive(Debug)]
 pub(crate) struct ThreadChoice {
     /// Threads of the pool.
     pool: usize,

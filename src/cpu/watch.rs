@@ -20,7 +20,6 @@ const CUBE: f32 = 0.28;
 const COMPONENT: f32 = 0.57;
 
 /// What the tasks of a step have found so far.
-#[derive(Debug)]
 pub(crate) struct VertexWatch {
     /// Index of the first vertex out of bounds; `usize::MAX` if there is none.
     lost: AtomicUsize,

@@ -28,7 +28,6 @@ pub(super) struct Expectation {
 recorded!(Expectation { dt, load, length, has_contact, trades_levels });
 
 /// Everything that is decided about a step before it is taken.
-#[derive(Debug, Clone, Copy)]
 pub(super) struct StepDecision {
     pub(super) expected: Expectation,
     /// The controller as it was when it chose the substeps.

@@ -2,7 +2,7 @@
 
 use super::Deformer;
 #[cfg(feature = "gpu")]
-use crate::device::fault::{Excess, GpuFault};
+use crate::device::fault::{GpuFault, Need};
 use crate::error::failure::{Defect, Failure};
 use crate::error::{Instability, StepError};
 use crate::options::Method;
@@ -31,9 +31,7 @@ impl Deformer {
             Failure::Gpu(fault) => match fault {
                 GpuFault::Lost => StepError::GpuLost { gpu: self.adapter().unwrap_or_default().to_owned() },
                 GpuFault::Memory(reason) => StepError::GpuMemory { reason },
-                GpuFault::Limit(Excess { thing, needed, limit, allowed }) => {
-                    StepError::GpuLimit { thing, needed, limit, allowed }
-                }
+                GpuFault::Limit(Need { thing, needed, limit, allowed }) => StepError::GpuLimit { thing, needed, limit, allowed },
                 GpuFault::Other(reason) => StepError::Gpu { reason },
             },
         }

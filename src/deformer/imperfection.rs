@@ -14,7 +14,6 @@ const ROUNDINGS: f64 = 4.0;
 const ACROSS: f64 = 1e-6;
 
 /// A state that the caller has placed, of which a part is flat, until a step begins from it.
-#[derive(Debug)]
 pub(super) struct FlatStart {
     /// Positions, and the displacements with which they were placed; none for the mesh at rest.
     placed: Option<[Vec<Vec4>; 2]>,

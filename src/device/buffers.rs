@@ -3,12 +3,12 @@
 use bytemuck::Pod;
 
 use crate::device::Gpu;
-use crate::device::fault::{Excess, GpuFault};
+use crate::device::fault::{GpuFault, Need};
 
 /// A [`Need`] that a field of [`wgpu::Limits`] limits.
 macro_rules! need {
     ($limits:ident, $thing:literal, $needed:expr, $limit:ident) => {
-        ($thing, $needed, stringify!($limit), u64::from($limits.$limit))
+        Need { thing: $thing, needed: $needed, limit: stringify!($limit), allowed: u64::from($limits.$limit) }
     };
 }
 
@@ -34,7 +34,7 @@ impl Gpu {
         let (limit, allowed) = self.most_bytes();
         // What wgpu's defaults allow in any case, in the words of its limits.
         allows(&[
-            (thing, bytes, limit, allowed),
+            Need { thing, needed: bytes, limit, allowed },
             need!(limits, "uniforms", 4096, max_uniform_buffer_binding_size),
             need!(limits, "storage buffers of a stage", 8, max_storage_buffers_per_shader_stage),
             need!(limits, "uniform buffers of a stage", 3, max_uniform_buffers_per_shader_stage),
@@ -93,7 +93,7 @@ impl Gpu {
             ("max_buffer_size", self.device().limits().max_buffer_size)
         };
         if size > allowed {
-            Gpu::refuse(Excess { thing: label, needed: size, limit, allowed });
+            Gpu::refuse(Need { thing: label, needed: size, limit, allowed });
         }
         let size = if size > allowed { wgpu::COPY_BUFFER_ALIGNMENT } else { size };
         self.device().create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
@@ -105,13 +105,7 @@ impl Gpu {
     }
 }
 
-/// A thing, the amount needed of it, the name of the limit, and the amount that it allows.
-type Need = (&'static str, u64, &'static str, u64);
-
 /// Fails if more is needed of a thing than its limit allows.
 fn allows(needs: &[Need]) -> Result<(), GpuFault> {
-    match needs.iter().find(|(_, needed, _, allowed)| needed > allowed) {
-        Some(&(thing, needed, limit, allowed)) => Err(GpuFault::Limit(Excess { thing, needed, limit, allowed })),
-        None => Ok(()),
-    }
+    needs.iter().find(|need| need.needed > need.allowed).map_or(Ok(()), |&need| Err(GpuFault::Limit(need)))
 }

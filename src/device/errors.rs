@@ -4,14 +4,14 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::device::fault::{Excess, GpuFault};
-use crate::device::pipelines::Pipeline;
+use crate::device::fault::{GpuFault, Need};
+use crate::device::pipelines::{PENDING, Pipeline};
 use crate::device::scopes::scoped;
 use crate::device::{Gpu, IN_BROWSER};
 
 thread_local! {
     /// What [`Gpu::make`] refused since [`Gpu::checked`] began. It is thread-local, as wgpu's error scopes are.
-    static REFUSED: Cell<Option<Excess>> = const { Cell::new(None) };
+    static REFUSED: Cell<Option<Need>> = const { Cell::new(None) };
 }
 
 impl Gpu {
@@ -21,11 +21,11 @@ impl Gpu {
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> Result<T, GpuFault>) -> Result<T, GpuFault> {
         // A thread that waits for others in the work of one cloth may meanwhile be given that of another. A refusal stays
         // known within, because what was refused must not be used.
-        let outer = (REFUSED.get(), Pipeline::take_pending());
+        let outer = (REFUSED.get(), PENDING.take());
         let (result, fault) = scoped(self.device(), work);
         let cause = self.cause(fault, result.as_ref().err());
         REFUSED.set(outer.0);
-        Pipeline::set_pending(outer.1);
+        PENDING.set(outer.1);
         match cause {
             None => result,
             Some(cause) => Err(cause),
@@ -42,14 +42,14 @@ impl Gpu {
         Some(if !is_sure && self.is_lost() { GpuFault::Lost } else { cause })
     }
 
-    /// Makes [`Gpu::checked`] fail with this excess, unless with an earlier one.
-    pub(super) fn refuse(excess: Excess) {
-        REFUSED.set(Some(REFUSED.get().unwrap_or(excess)));
+    /// Makes [`Gpu::checked`] fail for this need, unless for an earlier one.
+    pub(super) fn refuse(need: Need) {
+        REFUSED.set(Some(REFUSED.get().unwrap_or(need)));
     }
 
     /// Fails if [`Gpu::make`] refused a buffer since [`Gpu::checked`] began, because work that uses it must not run.
     pub(crate) fn refused() -> Result<(), GpuFault> {
-        REFUSED.get().map_or(Ok(()), |excess| Err(GpuFault::Limit(excess)))
+        REFUSED.get().map_or(Ok(()), |need| Err(GpuFault::Limit(need)))
     }
 
     /// Whether the device is lost. wgpu reports this to a callback, but a device has only one, which belongs to its
@@ -59,15 +59,9 @@ impl Gpu {
             return false;
         }
         let scope = self.device().push_error_scope(wgpu::ErrorFilter::Validation);
-        let descriptor = wgpu::BufferDescriptor {
-            label: Some("probe"),
-            size: 4,
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        };
         let refused = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&refused);
-        let probe = self.device().create_buffer(&descriptor);
+        let probe = self.staging("probe", 4);
         probe.map_async(wgpu::MapMode::Read, .., move |mapped| told.store(mapped.is_err(), Ordering::Relaxed));
         let is_lost = refused.load(Ordering::Relaxed);
         drop(pollster::block_on(scope.pop()));

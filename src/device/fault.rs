@@ -8,14 +8,13 @@ pub(crate) enum GpuFault {
     /// The device is out of memory.
     Memory(String),
     /// The work exceeds a limit of the device.
-    Limit(Excess),
+    Limit(Need),
     Other(String),
 }
 
-/// Something that exceeds a limit of the device.
+/// What is needed of something that a device limits: in a [`GpuFault`], more than that.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Excess {
-    /// What exceeds it.
+pub(crate) struct Need {
     pub thing: &'static str,
     /// The amount needed: bytes, or a count.
     pub needed: u64,
@@ -34,7 +33,7 @@ impl GpuFault {
         match self {
             GpuFault::Lost => "it was lost".to_owned(),
             GpuFault::Memory(reason) | GpuFault::Other(reason) => reason.clone(),
-            GpuFault::Limit(Excess { thing, needed, limit, allowed }) => format!("{thing} need {needed}, {limit} is {allowed}"),
+            GpuFault::Limit(Need { thing, needed, limit, allowed }) => format!("{thing} need {needed}, {limit} is {allowed}"),
         }
     }
 }

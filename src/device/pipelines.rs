@@ -61,7 +61,7 @@ struct Compilation {
 
 thread_local! {
     /// The pipelines that [`Gpu::checked`] has yet to wait for on this thread.
-    static PENDING: RefCell<Vec<Pipeline>> = const { RefCell::new(Vec::new()) };
+    pub(super) static PENDING: RefCell<Vec<Pipeline>> = const { RefCell::new(Vec::new()) };
 }
 
 impl Gpu {
@@ -111,21 +111,12 @@ impl Gpu {
 }
 
 impl Pipeline {
-    /// The pipelines that this thread has yet to wait for, of which none are left.
-    pub(super) fn take_pending() -> Vec<Pipeline> {
-        PENDING.take()
-    }
-
-    pub(super) fn set_pending(pending: Vec<Pipeline>) {
-        PENDING.set(pending);
-    }
-
     /// Waits for the pipelines that this thread asked for. Returns the first error.
     pub(super) fn finish_all() -> Option<GpuFault> {
         if IN_BROWSER {
             return None;
         }
-        Pipeline::take_pending().iter().map(|pipeline| pipeline.0.compiled().1.clone()).fold(None, Option::or)
+        PENDING.take().iter().map(|pipeline| pipeline.0.compiled().1.clone()).fold(None, Option::or)
     }
 
     fn has_failed(&self) -> bool {

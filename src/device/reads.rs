@@ -19,7 +19,6 @@ fn may_wait() -> Result<(), GpuFault> {
 }
 
 /// A staging buffer whose bytes were asked for and are read later.
-#[derive(Debug)]
 pub(crate) struct Mapping {
     pub staging: wgpu::Buffer,
     /// The one that copies them there.

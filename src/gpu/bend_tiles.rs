@@ -16,7 +16,6 @@ const HEADER: usize = 4;
 const MAX_HELD: usize = 12;
 
 /// Tiles in the layout that `stages/bend_tile.wgsl` reads.
-#[derive(Debug)]
 pub(crate) struct BendTiles {
     /// For each tile, the words at which the list of its rings, the list of its vertices, the slices of their entries and
     /// its aggregates start; then these. The list of rings has their number, the number of the tile's own vertices, and

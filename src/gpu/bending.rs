@@ -29,7 +29,7 @@ const ROOMS: usize = 32;
 
 /// Resources of the kernels: the states, the displacements, the uniforms and the pins, and the level that they average with
 /// the buffer of its averages, if that is wanted.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(super) struct BendingInputs<'a> {
     pub states: &'a [StateBuffers],
     pub u: &'a wgpu::Buffer,
@@ -39,7 +39,6 @@ pub(super) struct BendingInputs<'a> {
 }
 
 /// The kernels of bending and their buffers.
-#[derive(Debug)]
 pub(super) struct Bending {
     rows: wgpu::Buffer,
     /// The slices of the rings of all vertices, once kernels without tiles need them.
@@ -56,7 +55,6 @@ pub(super) struct Bending {
 }
 
 /// One kernel with so many tiles.
-#[derive(Debug)]
 struct InTiles {
     stage: Stage,
     tiles: usize,
@@ -64,7 +62,6 @@ struct InTiles {
 
 /// `moments` computes the first moments along with the prediction. In each further pass, `again` displaces the
 /// vertices tentatively, then recomputes the moments. `forces` turns these into forces.
-#[derive(Debug)]
 struct Apart {
     /// Whether there is room for the moments of `several` passes.
     several: bool,

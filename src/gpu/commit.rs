@@ -12,7 +12,6 @@ use crate::model::cloth::Cloth;
 use crate::step::watch::{FEWEST_CHECKED, TURNS};
 
 /// The stages that check and commit, with a bind group for each state but the cloth's own.
-#[derive(Debug)]
 pub(crate) struct Commit {
     /// A [`Defects`].
     pub found: wgpu::Buffer,

@@ -41,7 +41,6 @@ use route::Way;
 const CROWD: usize = 4;
 
 /// A cloth on the GPU.
-#[derive(Debug)]
 pub(crate) struct GpuEngine {
     pub(crate) gpu: Gpu,
     pub(crate) forces: Forces,
@@ -79,7 +78,6 @@ pub(crate) struct GpuEngine {
 }
 
 /// How the edges are swept in a substep, unless a single workgroup does the step.
-#[derive(Debug)]
 pub(crate) enum EdgeSweep {
     PerColor(PerColor),
     Tiled(Tiled),

@@ -16,7 +16,6 @@ use crate::options::Method;
 use crate::step::plan::Plan;
 
 /// The buffers of the states and the force kernels. Each kernel can start from any of the states.
-#[derive(Debug)]
 pub(crate) struct Forces {
     /// The cloth's own state, and those that the substeps of a step write in turn.
     pub states: Vec<StateBuffers>,

@@ -10,7 +10,6 @@ use crate::gpu::watch::Defects;
 
 /// The staging buffer of reads that wait, and the request that has not been read yet: positions after some steps and the result of
 /// their check, copied after those steps.
-#[derive(Debug)]
 pub(crate) struct Readback {
     staging: wgpu::Buffer,
     request: Option<Mapping>,

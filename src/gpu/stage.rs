@@ -203,7 +203,6 @@ impl SubmittedStage {
 }
 
 /// A buffer of values that the CPU uploads when they have changed. It is created again if they outgrow it.
-#[derive(Debug)]
 pub(crate) struct Sent {
     label: &'static str,
     usage: wgpu::BufferUsages,

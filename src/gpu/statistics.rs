@@ -14,7 +14,6 @@ use crate::kernels::statistics::{Statistics, StrainGauge};
 const MAX_WORKGROUPS: usize = 256;
 
 /// The stage that computes statistics, and the statistics that have not been returned yet.
-#[derive(Debug)]
 pub(crate) struct Counter {
     stage: Stage,
     counted: wgpu::Buffer,
@@ -26,7 +25,6 @@ pub(crate) struct Counter {
     free: Vec<wgpu::Buffer>,
 }
 
-#[derive(Debug)]
 enum Pending {
     UnderWay(Mapping),
     /// The statistics have arrived and are returned when it is their turn.
@@ -56,7 +54,7 @@ impl Counter {
 
     /// Resets the statistics, ahead of what is submitted next.
     pub(crate) fn clear(&self, gpu: &Gpu) {
-        gpu.write(&self.counted, 0, &[Statistics::NONE]);
+        gpu.write(&self.counted, 0, &[Statistics::default()]);
     }
 
     /// Encodes the statistics of the cloth's own state.

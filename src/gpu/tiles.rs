@@ -25,7 +25,6 @@ pub(crate) const IN_TILE: usize = 32;
 pub(crate) const IN_LEVEL_TILE: usize = 48;
 
 /// Tiles in the form that `stages/tiles.wgsl` reads.
-#[derive(Debug, Clone)]
 pub(crate) struct Tiles {
     /// First the number of own vertices of each tile. Then the vertices of each tile, its own first, in
     /// [`Tiles::largest`] words, padded with its first one; then the aggregates of those. Then the edges of each tile
@@ -56,7 +55,6 @@ pub(crate) struct TileSize {
 }
 
 /// A tile: its vertices, its own first, and its edges of each color.
-#[derive(Debug)]
 struct Tile {
     own: usize,
     vertices: Vec<u32>,

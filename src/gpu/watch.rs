@@ -46,7 +46,6 @@ impl Defects {
 }
 
 /// Reads the words back while steps continue.
-#[derive(Debug)]
 pub(crate) struct Report {
     staging: wgpu::Buffer,
     asked: Option<Mapping>,

@@ -58,7 +58,6 @@ impl Payload {
 }
 
 /// The memory that the CPU can access between two exchanges.
-#[derive(Debug)]
 pub(crate) struct Mapped {
     /// For writing: the positions (m) of all vertices, followed by their displacements (m).
     outbox: MappedVectors,
@@ -85,7 +84,6 @@ impl Mapped {
 }
 
 /// The buffers, and the stages that transfer between them and the state on the GPU.
-#[derive(Debug)]
 pub(crate) struct Exchange {
     outbox: wgpu::Buffer,
     inbox: wgpu::Buffer,

@@ -20,9 +20,9 @@
 mod exchange;
 mod stages;
 
-use std::sync::Mutex;
+use std::sync::{Mutex, RwLock};
 
-use crate::cpu::{Cpu, SharedArray};
+use crate::cpu::Cpu;
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::error::failure::Failure;
@@ -36,7 +36,6 @@ use crate::model::cloth::{Change, Cloth};
 use crate::step::plan::Plan;
 
 /// A cloth whose state is in the CPU's memory and whose forces are computed on the GPU.
-#[derive(Debug)]
 pub(crate) struct Hybrid {
     pub gpu: Gpu,
     forces: Forces,
@@ -152,14 +151,13 @@ impl Hybrid {
         });
         let (first, next) = opened.inspect_err(|fault| *broken = Some(fault.clone()))?;
 
-        let mut first = [Some(first)];
         let step = ExchangedStep {
             plan,
             on_gpu,
             payload,
             complete,
             is_sent,
-            mapped: SharedArray::new(&mut first),
+            mapped: RwLock::new(Some(first)),
             exchanges: Mutex::new(Exchanges { gpu, forces, exchange, next: Some(next), failed: None }),
         };
         let stepped = cpu.step(plan, Some(&step));

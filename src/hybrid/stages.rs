@@ -1,11 +1,11 @@
 //! What the hybrid engine does in the stages of the CPU's substeps.
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError, RwLock};
 
 use glam::{Vec3A, Vec4};
 
-use crate::cpu::{ExternalPrediction, SharedArray, StateView, Task};
+use crate::cpu::{ExternalPrediction, StateView, Task};
 use crate::device::Gpu;
 use crate::device::fault::GpuFault;
 use crate::gpu::Forces;
@@ -25,8 +25,8 @@ pub(super) struct ExchangedStep<'a> {
     /// Whether the state at the step's start is already in the outbox.
     pub is_sent: bool,
     /// The mapped buffers, or none while the GPU has them. Only [`ExchangedStep::exchange`] changes this, and no other
-    /// task runs during it.
-    pub mapped: SharedArray<'a, Option<Mapped>>,
+    /// task runs during it, so nobody ever waits for the lock.
+    pub mapped: RwLock<Option<Mapped>>,
     pub exchanges: Mutex<Exchanges<'a>>,
 }
 
@@ -44,53 +44,53 @@ pub(super) struct Exchanges<'a> {
 impl ExternalPrediction for ExchangedStep<'_> {
     /// Exchanges the state for the displacements that the forces cause.
     fn exchange(&self, task: &Task, state: StateView<'_>, substep: usize) {
-        let mapped = self.mapped.within(task);
         if substep == 0 && !self.is_sent {
-            let vertices = 0..self.plan.cloth.rest.len();
-            mapped.show(0, |mapped| mapped.iter().for_each(|to| send(to, task, Payload::Both, state, vertices.clone())));
+            self.send(task, Payload::Both, state, 0..self.plan.cloth.rest.len());
         }
         let next = (substep + 1 < self.plan.substeps.len()).then_some((substep + 1, self.payload));
-        mapped.replace(0, None);
-        let exchanged = self.exchanges.lock().unwrap_or_else(PoisonError::into_inner).exchange(self.on_gpu, next);
-        mapped.replace(0, exchanged);
+        let mut mapped = self.mapped.write().unwrap_or_else(PoisonError::into_inner);
+        // The device gets the buffers only once nothing views them.
+        *mapped = None;
+        *mapped = self.exchanges.lock().unwrap_or_else(PoisonError::into_inner).exchange(self.on_gpu, next);
     }
 
     /// What carries over, and what the forces cause.
-    fn predict(&self, task: &Task, state: StateView<'_>, vertices: Range<u32>, substep: usize) {
+    fn predict(&self, state: StateView<'_>, vertices: Range<u32>, substep: usize) {
         let carry = Vec3A::splat(self.plan.substeps[substep].carry);
-        self.mapped.within(task).show(0, |mapped| {
-            let Some(mapped) = mapped else { return };
-            let vertices = vertices.start as usize..vertices.end as usize;
-            for (i, &received) in vertices.clone().zip(&mapped.received()[vertices]) {
-                let free = state.x.get(i).w > 0.0;
-                let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
-                let by = carried + Vec3A::from(received);
-                state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
-            }
-        });
+        let mapped = self.mapped.read().unwrap_or_else(PoisonError::into_inner);
+        let Some(mapped) = &*mapped else { return };
+        let vertices = vertices.start as usize..vertices.end as usize;
+        for (i, &received) in vertices.clone().zip(&mapped.received()[vertices]) {
+            let free = state.x.get(i).w > 0.0;
+            let carried = predict_displacement(xyz(state.u.get(i)), carry, Vec3A::ZERO);
+            let by = carried + Vec3A::from(received);
+            state.u.set(i, if free { by.extend(0.0) } else { Vec4::ZERO });
+        }
     }
 
     /// Sends their state.
     fn moved(&self, task: &Task, state: StateView<'_>, vertices: &[Range<u32>], substep: usize) {
         let is_last = substep + 1 == self.plan.substeps.len();
         let payload = if is_last { self.complete } else { self.payload };
-        let vertices = vertices.iter().flat_map(|range| range.start as usize..range.end as usize);
-        self.mapped.within(task).show(0, |mapped| mapped.iter().for_each(|to| send(to, task, payload, state, vertices.clone())));
+        self.send(task, payload, state, vertices.iter().flat_map(|range| range.start as usize..range.end as usize));
     }
 }
 
 impl ExchangedStep<'_> {
+    /// Sends a part of the state of vertices.
+    fn send(&self, task: &Task, what: Payload, StateView { x, u }: StateView<'_>, vertices: impl Iterator<Item = usize>) {
+        if let Some(to) = &*self.mapped.read().unwrap_or_else(PoisonError::into_inner) {
+            vertices.for_each(|vertex| to.send(task, what, vertex, x.get(vertex), u.get(vertex)));
+        }
+    }
+
     /// The mapped buffers after the step, or why exchanging failed.
     pub(super) fn finish(self) -> Result<Option<Mapped>, GpuFault> {
         match self.exchanges.into_inner().unwrap_or_else(PoisonError::into_inner).failed {
-            None => Ok(self.mapped.into_inner()[0].take()),
+            None => Ok(self.mapped.into_inner().unwrap_or_else(PoisonError::into_inner)),
             Some(reason) => Err(reason),
         }
     }
-}
-
-fn send(to: &Mapped, task: &Task, payload: Payload, state: StateView<'_>, vertices: impl Iterator<Item = usize>) {
-    vertices.for_each(|vertex| to.send(task, payload, vertex, state.x.get(vertex), state.u.get(vertex)));
 }
 
 impl Exchanges<'_> {

@@ -6,7 +6,6 @@ use glam::{Affine3A, DMat3, DQuat, DVec3, Vec3, Vec4};
 const ROUNDING: f64 = 1e-3;
 
 /// A rotation followed by a translation (m), in the caller's coordinates.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Rigid {
     rotation: DQuat,
     translation: DVec3,

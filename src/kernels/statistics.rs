@@ -66,27 +66,25 @@ pub(crate) struct Statistics {
 }
 
 impl Default for Statistics {
+    /// The statistics of no vertices and no gauges.
     fn default() -> Statistics {
-        Statistics::NONE
+        Statistics {
+            stretch: [0; CLASSES],
+            speed: [0; CLASSES],
+            mean_stretch: 0,
+            worst_stretch: 0,
+            slow: 0,
+            fastest: 0,
+            low: [u32::MAX; 3],
+            high: [0; 3],
+            crushed: 0,
+        }
     }
 }
 
 recorded!(Statistics { stretch, speed, mean_stretch, worst_stretch, slow, fastest, low, high, crushed });
 
 impl Statistics {
-    /// The statistics of no vertices and no gauges.
-    pub(crate) const NONE: Statistics = Statistics {
-        stretch: [0; CLASSES],
-        speed: [0; CLASSES],
-        mean_stretch: 0,
-        worst_stretch: 0,
-        slow: 0,
-        fastest: 0,
-        low: [u32::MAX; 3],
-        high: [0; 3],
-        crushed: 0,
-    };
-
     /// Combines the statistics of two parts.
     pub(crate) fn with(mut self, other: &Statistics) -> Statistics {
         self.stretch.iter_mut().zip(&other.stretch).for_each(|(sum, more)| *sum += more);

@@ -29,7 +29,6 @@ use crate::model::winding::wind_alike;
 use crate::options::{self, Method, Options};
 
 /// A cloth in its own vertex order and local coordinates.
-#[derive(Debug)]
 pub(crate) struct Cloth {
     /// The index in the mesh of each vertex.
     pub order: Vec<u32>,
@@ -86,7 +85,6 @@ pub(crate) struct Cloth {
 }
 
 /// The triangles with their masses for aerodynamic forces, and the triangles at each vertex.
-#[derive(Debug, Clone)]
 pub(crate) struct Panels {
     pub panels: Vec<Panel>,
     pub around: Csr<u32>,

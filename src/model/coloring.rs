@@ -59,7 +59,6 @@ pub(crate) fn color_in_turn(edges: &[[u32; 2]], positions: &[Vec3], are_first: &
 }
 
 /// The result of [`color`].
-#[derive(Debug, Clone)]
 pub(crate) struct Coloring {
     /// The color of each edge.
     pub of: Vec<u32>,

@@ -3,7 +3,6 @@
 use crate::model::link::Link;
 
 /// Disjoint sets of vertices, each represented by its lowest vertex.
-#[derive(Debug)]
 pub(crate) struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {

@@ -11,7 +11,6 @@ use crate::model::mesh::bounds;
 const ROUNDING: f64 = 5e-7;
 
 /// A part of a cloth that lies in a plane.
-#[derive(Debug, Clone)]
 pub(crate) struct FlatPart {
     pub normal: DVec3,
     pub vertices: Vec<u32>,

@@ -48,7 +48,6 @@ pub(super) struct Hung<'a> {
 }
 
 /// The tethers of a cloth with lone pins.
-#[derive(Debug)]
 pub(crate) struct Tethers {
     /// Lone pins, as indices into [`Hung::pinned`].
     pub anchors: Vec<u32>,
@@ -57,7 +56,6 @@ pub(crate) struct Tethers {
 }
 
 /// A vertex that is near a lone pin.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Held {
     pub vertex: u32,
     /// Index into [`Tethers::anchors`].

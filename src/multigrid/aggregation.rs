@@ -48,7 +48,6 @@ const FEW_HOLES: i64 = 8;
 ///
 /// On a grid of rows and columns the halves are blocks. Within a part, the two halves of a cut differ in size by at
 /// most a row or column.
-#[derive(Debug)]
 pub(crate) struct Bisection {
     /// The connected part of each vertex, named by one of its vertices.
     part: Vec<u32>,

@@ -25,7 +25,6 @@ pub(crate) use vector::Vector;
 pub(crate) const MAX_LANES: usize = 16;
 
 /// The places of the bits that are set, lowest first.
-#[derive(Debug)]
 pub(crate) struct Bits(pub u64);
 
 impl Iterator for Bits {

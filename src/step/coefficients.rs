@@ -14,7 +14,6 @@ use crate::step::substep_count::{Length, ONE_WAY, SIXTIETHS, STANDARD_GRAVITY, s
 use crate::step::watch::TRANSIENT;
 
 /// The coefficients of a cloth for substeps of one length.
-#[derive(Debug, Clone)]
 pub(crate) struct Coefficients {
     /// The length that they are for.
     pub length: Length,

@@ -21,7 +21,7 @@ use crate::step::load::loading_acceleration;
 use crate::step::motion::{Motion, Whereabouts};
 
 /// What a step follows from.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct StepInputs<'a> {
     pub cloth: &'a Cloth,
     /// The coarse levels, finest first.
@@ -57,7 +57,6 @@ pub(crate) struct MeshBody {
 }
 
 /// Everything that an engine needs for one step.
-#[derive(Debug)]
 pub(crate) struct Plan<'a> {
     pub cloth: &'a Cloth,
     /// The coarse levels, finest first. As many are used as `coefficients` has edges for.

@@ -61,7 +61,6 @@ impl Length {
 }
 
 /// The properties of a cloth that the closed forms need.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Rates {
     /// Substeps per second that resolve the 95th percentile of the edges, for a stiffness of K = 1 N/m.
     unit: f64,

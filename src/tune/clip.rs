@@ -26,7 +26,6 @@ pub(super) struct Scene<'a> {
 }
 
 /// The state at one frame: positions (m) of the vertices that are compared, and their speed.
-#[derive(Debug, Clone)]
 pub(super) struct ClipFrame {
     pub positions: Vec<Vec3>,
     /// Root mean square speed (m/s).
@@ -34,7 +33,6 @@ pub(super) struct ClipFrame {
 }
 
 /// A run of the scene.
-#[derive(Debug, Clone)]
 pub(super) struct Clip {
     /// Frames for verification and frames for the search, alternately.
     pub frames: Vec<ClipFrame>,

@@ -8,6 +8,7 @@ use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
 use crate::oracle;
+use crate::simd::{self, Width};
 use crate::step::coefficients::Coefficients;
 use crate::step::motion::Motion;
 use crate::step::plan::{PlanBuffers, StepInputs};
@@ -55,8 +56,10 @@ fn every_width_holds_as_the_oracle_does() {
             for pieces in &partition.rounds {
                 let batches = TetherBatches::new(pieces, &coefficients.tethers, x.len(), width.lanes());
                 let (x, u) = (SharedArray::new(x_now.room()), SharedArray::new(u.room()));
-                let state = [x.within(&task), u.within(&task)];
-                (0..pieces.len()).for_each(|piece| hold(&batches, piece, &plan, substep, state, width));
+                for piece in 0..pieces.len() {
+                    let (x, u) = (x.within(&task), u.within(&task));
+                    simd::run(width, Hold { batches: &batches, piece, x, u, plan: &plan, substep });
+                }
             }
             let apart = plain.iter().zip(u.iter()).map(|(a, b)| (a - b).truncate().length()).fold(0.0, f32::max);
             assert!(apart <= 3e-6 * (1.0 + size), "{size} {width:?}: {apart} of {moved}");

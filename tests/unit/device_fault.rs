@@ -30,7 +30,7 @@ fn a_refusal_is_told_once_where_it_was_met() {
         assert_eq!(elsewhere, Ok(()));
         Ok(())
     });
-    let Err(GpuFault::Limit(Excess { thing: "a table", needed, allowed, .. })) = met else { panic!("{met:?}") };
+    let Err(GpuFault::Limit(Need { thing: "a table", needed, allowed, .. })) = met else { panic!("{met:?}") };
     assert_eq!((needed, allowed), (too_much.next_multiple_of(4), too_much - 4));
     assert_eq!(gpu.checked(|| Ok(())), Ok(()));
     // Nothing reads from the substitute, and what is checked within something else that is checked forgets no refusal.
@@ -40,6 +40,6 @@ fn a_refusal_is_told_once_where_it_was_met() {
         gpu.mapped(&staging, |_| panic!("it does not have the bytes"))
     });
     let met: Result<(), GpuFault> = met;
-    assert!(matches!(met, Err(GpuFault::Limit(Excess { thing: "too much", .. }))), "{met:?}");
+    assert!(matches!(met, Err(GpuFault::Limit(Need { thing: "too much", .. }))), "{met:?}");
     assert_eq!(gpu.checked(|| Ok(())), Ok(()));
 }

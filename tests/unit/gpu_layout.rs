@@ -89,8 +89,14 @@ fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
     })
 }
 
-/// The constants of contact that exist only in shaders.
-const ALONE: [&str; 31] = [
+/// The constants that exist only in shaders.
+const ALONE: [&str; 37] = [
+    "MOMENT",
+    "COUPLE",
+    "CURVATURE",
+    "CHANGE",
+    "TRIAL",
+    "RESISTED",
     "MOST",
     "SOON",
     "ROUNDING_MARGIN",

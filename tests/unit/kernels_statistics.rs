@@ -25,7 +25,7 @@ fn classes_are_in_order_and_an_eighth_of_an_octave_wide() {
 #[test]
 fn a_share_is_that_of_plain_sorting() {
     let stretches: Vec<f32> = numbers(10_000).map(|x| 0.3 * x * x * x).collect();
-    let mut seen = Statistics::NONE;
+    let mut seen = Statistics::default();
     stretches.iter().for_each(|&stretch| seen.stretch[class_of(stretch, MIN_STRETCH)] += WHOLE / 10_000);
     seen.worst_stretch = stretches.iter().copied().fold(0.0, f32::max).to_bits();
     let mut sorted = stretches;
@@ -50,11 +50,11 @@ fn ordered_numbers_are_in_the_order_of_the_values() {
 /// Of vertices of which half move at 1 m/s, and of slow ones.
 #[test]
 fn the_mean_speed_counts_what_moves_fast() {
-    let mut half = Statistics { slow: 50 * SLOW_PARTS as u32, fastest: 1.0_f32.to_bits(), ..Statistics::NONE };
+    let mut half = Statistics { slow: 50 * SLOW_PARTS as u32, fastest: 1.0_f32.to_bits(), ..Statistics::default() };
     (half.speed[0], half.speed[class_of(1.0, MIN_SPEED)]) = (50, 50);
     let expected = 0.5_f32.sqrt();
     assert!((half.rms_speed() / expected - 1.0).abs() < 0.13, "{} m/s", half.rms_speed());
-    let mut slow = Statistics { slow: SLOW_PARTS as u32, fastest: (0.5 * SLOW).to_bits(), ..Statistics::NONE };
+    let mut slow = Statistics { slow: SLOW_PARTS as u32, fastest: (0.5 * SLOW).to_bits(), ..Statistics::default() };
     slow.speed[class_of(0.5 * SLOW, MIN_SPEED)] = 4;
     assert!((slow.rms_speed() - 0.5 * SLOW).abs() < 1e-6, "{} m/s", slow.rms_speed());
 }

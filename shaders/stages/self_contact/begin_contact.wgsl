@@ -136,11 +136,7 @@ fn begin_contact(me: Invocation, group: Workgroup) {
     if !HAS_CONTACT {
         return;
     }
-    gather(part, me.lane);
-    let at = number_of(group);
-    if me.lane == 0u && at < contact_params.groups {
-        contact_state.parts[at] = Part(low[0], high[0]);
-    }
+    store_part(part, 0u, contact_params.groups, me.lane, group);
 }
 
 // One workgroup computes the mean displacement and decides whether detection is due.

@@ -12,11 +12,7 @@ fn bound_cloth(me: Invocation, group: Workgroup) {
     if i < params.used {
         part = Part(x[i], x[i]);
     }
-    gather(part, me.lane);
-    let at = number_of(group);
-    if me.lane == 0u && at < contact_params.groups {
-        contact_state.parts[at] = Part(low[0], high[0]);
-    }
+    store_part(part, 0u, contact_params.groups, me.lane, group);
 }
 
 // The displacement in a substep of a vertex of mesh colliders besides their rotation, if it is near the cloth.
@@ -48,9 +44,5 @@ fn bound_meshes(me: Invocation, group: Workgroup) {
     if i < contact_params.all_vertices {
         part = part_of_mesh(tracks[contact_params.all_vertices + i - contact_params.mesh_first], cloth);
     }
-    gather(part, me.lane);
-    let at = number_of(group);
-    if me.lane == 0u && at < contact_params.mesh_groups {
-        contact_state.parts[contact_params.groups + at] = Part(low[0], high[0]);
-    }
+    store_part(part, contact_params.groups, contact_params.mesh_groups, me.lane, group);
 }

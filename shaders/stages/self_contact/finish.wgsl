@@ -48,11 +48,7 @@ fn finish(me: Invocation, group: Workgroup) {
     }
     // Only free cloth gets the momentum back, and only then parts are sums.
     if is_free() {
-        gather(Part(vec4f(mine, 0.0), vec4f()), me.lane);
-        let at = number_of(group);
-        if me.lane == 0u && at < contact_params.groups {
-            contact_state.parts[at].low = low[0];
-        }
+        store_part(Part(vec4f(mine, 0.0), vec4f()), 0u, contact_params.groups, me.lane, group);
     }
 }
 

@@ -32,6 +32,15 @@ fn gather(part: Part, lane: u32) {
     }
 }
 
+// Reduces the parts of a workgroup's invocations to one of `count` parts, which begin at place `first`.
+fn store_part(part: Part, first: u32, count: u32, lane: u32, group: Workgroup) {
+    gather(part, lane);
+    let at = number_of(group);
+    if lane == 0u && at < count {
+        contact_state.parts[first + at] = Part(low[0], high[0]);
+    }
+}
+
 // Every workgroup that calls this reduces all parts by itself, in the same order.
 fn mean_of_parts(lane: u32) -> vec3f {
     var part = nothing();

@@ -52,7 +52,6 @@ pub(crate) struct Paths {
 recorded!(Paths { from, by, margin, ahead, since, renewed });
 
 /// What is known of the last list of pairs: whether it is short or long, and whether anything crosses.
-#[derive(Clone, Copy)]
 pub(crate) struct Last {
     pub is_short: bool,
     pub is_long: bool,

@@ -27,7 +27,6 @@ use crate::step::plan::Plan;
 pub(crate) const MARK: u32 = 1 << 31;
 
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
-#[derive(Debug)]
 pub(crate) struct HostContact {
     pub surface: Surface,
     pub bodies: Bodies,

@@ -39,7 +39,6 @@ const FAR: f32 = 1e15;
 pub(crate) const LEAF: usize = 6;
 
 /// The features of the cloth, followed by those of the bodies. They do not change between steps.
-#[derive(Debug)]
 pub(crate) struct Surface {
     /// The thickness (m) of contact, and whether the cloth touches itself; otherwise it touches bodies only.
     pub thickness: f32,

@@ -27,7 +27,7 @@ use crate::HAS_THREADS;
 use crate::model::csr::Csr;
 
 /// Where a graph runs.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) enum On<'a> {
     /// On up to so many threads of the current pool.
     Pool(usize),

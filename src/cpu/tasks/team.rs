@@ -29,7 +29,6 @@ thread_local! {
 }
 
 /// The threads of a step.
-#[derive(Debug)]
 pub(crate) struct Team {
     threads: usize,
     fork: Fork,

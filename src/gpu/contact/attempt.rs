@@ -14,7 +14,6 @@ use crate::gpu::state::StateBuffers;
 use crate::step::plan::Plan;
 
 /// What becomes of an attempt. The state was rolled back unless it is good.
-#[derive(Debug)]
 pub(crate) enum Judgment {
     Good,
     /// The step must be attempted again.

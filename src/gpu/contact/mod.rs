@@ -44,7 +44,6 @@ const MIN_ROOM: usize = 4096;
 
 /// GPU buffers; `pairs` has two halves, one of which contains the current list. `near` is used by detection, too, which begins
 /// before pairs are near.
-#[derive(Debug)]
 pub(super) struct Buffers {
     contact_params: Sent,
     table: wgpu::Buffer,
@@ -63,7 +62,6 @@ pub(super) struct Buffers {
 }
 
 /// The state to which a step is rolled back.
-#[derive(Debug)]
 struct Checkpoint {
     tracks: wgpu::Buffer,
     pairs: wgpu::Buffer,
@@ -93,7 +91,6 @@ impl Checkpoint {
 }
 
 /// The state of contact of a cloth with itself, kept between steps.
-#[derive(Debug)]
 pub(crate) struct GpuContact {
     /// What is done on the CPU: the search for intersections, and what mesh colliders do.
     pub(crate) on_cpu: HostContact,

@@ -27,7 +27,6 @@ const SCRATCH: usize = 16;
 const NORMALS: usize = 17;
 
 /// The kernels of a substep.
-#[derive(Debug)]
 pub(super) struct Stages {
     /// Used at the start of a step with mesh colliders: `bound_cloth` and `bound_meshes`.
     pub start: Option<[Stage; 2]>,

@@ -9,7 +9,6 @@ use crate::multigrid::hierarchy::Level;
 const WIDEST: usize = 512;
 
 /// The coarsest levels of a cloth, beginning with a certain one.
-#[derive(Debug)]
 pub(crate) struct LevelTable {
     /// For each level the start of its aggregates, and the end; for each level its first color, and the end; for each level
     /// [`Level::sweeps`]; for each aggregate the coarser one that contains it; for each level the members of its aggregates with their shares,

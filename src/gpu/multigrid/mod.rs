@@ -49,7 +49,6 @@ pub(crate) struct Average {
 }
 
 /// All levels of a cloth. A step uses as many of the finest ones as it asks for.
-#[derive(Debug)]
 pub(crate) struct Multigrid {
     /// The [`Average`] of each aggregate of each level, the finest level first.
     pub averages: wgpu::Buffer,
@@ -65,7 +64,6 @@ pub(crate) struct Multigrid {
 }
 
 /// How levels are swept.
-#[derive(Debug)]
 enum LevelSweep {
     Tiled(TiledLevels),
     PerColor(LevelsPerColor),
@@ -124,7 +122,7 @@ impl Multigrid {
     #[cfg(test)]
     pub(crate) fn in_tiles(&self) -> Option<usize> {
         match &self.sweep {
-            LevelSweep::Tiled(tiled) => Some(tiled.in_tiles()),
+            LevelSweep::Tiled(tiled) => Some(tiled.in_tiles.len()),
             LevelSweep::PerColor(_) => None,
         }
     }

@@ -8,7 +8,6 @@ use crate::kernels::distance::Edge;
 use crate::multigrid::hierarchy::Level;
 
 /// Sweeps over the levels with one dispatch per color.
-#[derive(Debug)]
 pub(crate) struct LevelsPerColor {
     /// The aggregates of each level, its number of sweeps ([`Level::sweeps`]), and the edges of each color with their level.
     aggregates: Vec<Batch>,

@@ -15,9 +15,8 @@ use crate::multigrid::hierarchy::Level;
 const OWN: usize = 256;
 
 /// Tables with their buffers and the stages that read them, the finest level first.
-#[derive(Debug)]
 pub(crate) struct TiledLevels {
-    in_tiles: Vec<(Tiles, wgpu::Buffer, Stage)>,
+    pub in_tiles: Vec<(Tiles, wgpu::Buffer, Stage)>,
     in_workgroup: Option<(LevelTable, wgpu::Buffer, Stage)>,
 }
 
@@ -67,12 +66,6 @@ impl TiledLevels {
             (levels, table, stage)
         });
         Some(TiledLevels { in_tiles, in_workgroup })
-    }
-
-    /// Number of levels in tiles.
-    #[cfg(test)]
-    pub(crate) fn in_tiles(&self) -> usize {
-        self.in_tiles.len()
     }
 
     /// How many of this many levels are averaged separately: the workgroup averages all of its levels but the finest.

@@ -13,7 +13,6 @@ use crate::step::plan::Plan;
 pub(crate) const BEND_VECTORS: usize = 6;
 
 /// The forces that a table has data for, and where that starts.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct ForceTable {
     pub bends: bool,
     pub air: bool,

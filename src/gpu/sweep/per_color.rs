@@ -13,7 +13,6 @@ use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
 /// Sweeps with one dispatch per color.
-#[derive(Debug)]
 pub(crate) struct PerColor {
     colors: Vec<Batch>,
     edges: wgpu::Buffer,

@@ -13,7 +13,6 @@ const OF_MOMENT: usize = 24;
 const WIDEST: usize = 16;
 
 /// The entries of the vertices in each tile, in the form that `stages/bent_tile.wgsl` reads.
-#[derive(Debug)]
 pub(crate) struct Rings {
     /// For each tile, for each entry of a vertex: the other vertices by their places in the tile, one for each vertex
     /// with a moment, then the forward coefficients, then the backward ones.

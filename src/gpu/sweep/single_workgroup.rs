@@ -21,7 +21,6 @@ const OF_VERTEX: usize = 12;
 const OF_AGGREGATE: usize = 48;
 
 /// A step in one workgroup.
-#[derive(Debug)]
 pub(crate) struct SingleWorkgroup {
     pub tiles: Tiles,
     /// All levels, if levels are used.

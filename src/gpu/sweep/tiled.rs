@@ -21,7 +21,6 @@ use crate::step::plan::Plan;
 use crate::step::substep_count::Length;
 
 /// Sweeps of a substep in tiles.
-#[derive(Debug)]
 pub(crate) struct Tiled {
     pub tiles: Tiles,
     /// The tiles, followed by what the places below say.
@@ -39,7 +38,7 @@ pub(crate) struct Tiled {
 pub(crate) type OnDemand = OnceLock<Option<Box<Tiled>>>;
 
 /// The buffers that tiles work on besides their table.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct SweepInputs<'a> {
     pub forces: &'a Forces,
     pub bodies: &'a Sent,
@@ -48,7 +47,6 @@ pub(crate) struct SweepInputs<'a> {
 }
 
 /// The bytes of the table at which the tethers begin, the pins, the rows of bending, the rings and the level; then its end.
-#[derive(Debug, Clone, Copy)]
 struct Places {
     tethers: usize,
     pins: usize,

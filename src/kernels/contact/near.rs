@@ -106,7 +106,6 @@ impl MotionRange {
 }
 
 /// The bodies that some vertices may touch in a substep, in order.
-#[derive(Debug)]
 pub(crate) struct NearBodies<'a> {
     bodies: &'a [Body],
     in_step: &'a [Clear],

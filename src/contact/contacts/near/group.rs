@@ -8,7 +8,7 @@ use crate::simd::MAX_LANES;
 /// As many pairs as there are lanes, with what truncation needs of them, as structure of arrays, each of whole cache
 /// lines.
 #[repr(C, align(64))]
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Block {
     /// Places among the vertices of listed pairs.
     pub corners: [[u32; 4]; MAX_LANES],
@@ -21,16 +21,9 @@ pub(crate) struct Block {
     pub near: u32,
 }
 
-impl Default for Block {
-    fn default() -> Block {
-        let zero = [0.0; MAX_LANES];
-        Block { corners: [[0; 4]; MAX_LANES], near: 0, normal: [zero; 3], heights: [zero; 4], clearance: zero }
-    }
-}
-
 /// At most as many pairs as there are lanes, as structure of arrays. Other lanes have no effect.
 #[repr(C, align(64))]
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Group {
     pub block: Block,
     /// Of pairs of edges, vertices of the surface: see [`Around::opposite`](super::voronoi::Around::opposite).
@@ -56,25 +49,6 @@ pub(crate) struct Group {
 #[repr(align(64))]
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Weights(pub [[f32; MAX_LANES]; 4]);
-
-impl Default for Group {
-    fn default() -> Group {
-        let zero = [0.0; MAX_LANES];
-        Group {
-            block: Block::default(),
-            opposite: [[0; 4]; MAX_LANES],
-            listed: [0; MAX_LANES],
-            count: 0,
-            thickness: zero,
-            distance: zero,
-            friction: zero,
-            gap: zero,
-            rate: zero,
-            lambda_t: [zero; 3],
-            lambda_n: zero,
-        }
-    }
-}
 
 /// What does not change about a pair in a group.
 #[derive(Clone, Copy)]

@@ -67,7 +67,6 @@ pub(crate) struct DetectionScope {
     pub thickness: f32,
 }
 
-#[derive(Debug)]
 pub(crate) struct Tree {
     pub leaves: Leaves,
     /// The leaf of each triangle.

@@ -34,7 +34,6 @@ pub(crate) mod vectors;
 use race::{Ticket, Visitors};
 
 /// Proof that code runs inside a task of the scheduler.
-#[derive(Debug)]
 pub(crate) struct Task {
     #[cfg(debug_assertions)]
     ticket: Ticket,
@@ -60,7 +59,6 @@ impl Task {
 }
 
 /// An array that the tasks of a step share.
-#[derive(Debug)]
 pub(crate) struct SharedArray<'a, T = Vec4> {
     start: *mut T,
     length: usize,
@@ -92,13 +90,6 @@ impl<'a, T> SharedArray<'a, T> {
         }
     }
 
-    /// Returns the items, once no task can access them any more.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn into_inner(self) -> &'a mut [T] {
-        // SAFETY: Alive; all views borrowed the array, which is consumed here.
-        unsafe { std::slice::from_raw_parts_mut(self.start, self.length) }
-    }
-
     pub(crate) fn is_empty(&self) -> bool {
         self.length == 0
     }
@@ -118,7 +109,7 @@ impl<'a, T> SharedArray<'a, T> {
 }
 
 /// A shared array within a task. Views are copied freely: a task may hold several of one array.
-#[derive(Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct View<'t, T = Vec4> {
     start: *mut T,
     length: usize,
@@ -127,16 +118,7 @@ pub(crate) struct View<'t, T = Vec4> {
     visitors: (&'t Visitors, &'t Task),
 }
 
-impl<T> Clone for View<'_, T> {
-    #[inline(always)]
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<T> Copy for View<'_, T> {}
-
-impl<T> View<'_, T> {
+impl<T: Copy> View<'_, T> {
     /// The address of an item.
     #[inline(always)]
     fn pointer(self, item: usize) -> *mut T {
@@ -160,22 +142,6 @@ impl<T> View<'_, T> {
         (first..first + count).for_each(|item| self.visitors.0.write(item, self.visitors.1.ticket.number()));
     }
 
-    /// Calls `read` with a reference to an item.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn show<R>(self, item: usize, read: impl FnOnce(&T) -> R) -> R {
-        self.reads(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart; and `read` does not replace the item meanwhile ([`View::replace`]).
-        read(unsafe { &*self.pointer(item) })
-    }
-
-    /// Replaces an item, to which no reference may exist ([`View::show`]).
-    #[cfg(feature = "gpu")]
-    pub(crate) fn replace(self, item: usize, value: T) {
-        self.writes(item, 1);
-        // SAFETY: Alive, Inside (`pointer`), Apart; and no reference to the item exists ([`View::show`]).
-        unsafe { *self.pointer(item) = value };
-    }
-
     /// Prefetches items for writing. If another core's cache holds them, every store would otherwise wait for the
     /// transfer.
     pub(crate) fn claim(self, items: Range<u32>) {
@@ -191,9 +157,7 @@ impl<T> View<'_, T> {
         #[cfg(not(target_arch = "x86_64"))]
         let _ = items;
     }
-}
 
-impl<T: Copy> View<'_, T> {
     #[inline(always)]
     pub(crate) fn get(self, item: usize) -> T {
         self.reads(item, 1);
@@ -214,7 +178,6 @@ impl<T: Copy> View<'_, T> {
 /// The pointer is valid as long as this lives and the device is not destroyed: it keeps the mapped view, and wgpu does not
 /// unmap a buffer that has one. The engine that writes here has always just had an answer from the device.
 #[cfg(feature = "gpu")]
-#[derive(Debug)]
 pub(crate) struct MappedVectors {
     array: SharedArray<'static, glam::Vec3>,
     /// Declared after `array`, so that it is dropped later.
@@ -253,7 +216,6 @@ type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
 /// Work in pieces that a thread lends to others, which are awake and look for it; each piece is done once. Nothing is
 /// allocated, and nobody is woken.
-#[derive(Debug)]
 pub(crate) struct Fork {
     /// Where the lender keeps its reference to the work.
     work: AtomicPtr<&'static Work<'static>>,
@@ -263,7 +225,6 @@ pub(crate) struct Fork {
     pieces: [PieceState; MAX_PIECES],
 }
 
-#[derive(Debug)]
 #[repr(align(128))]
 struct PieceState(AtomicU8);
 

@@ -15,7 +15,6 @@ static RUNNING: [AtomicU64; SLOTS] = [const { AtomicU64::new(0) }; SLOTS];
 static NEXT: AtomicU64 = AtomicU64::new(1);
 
 /// The ticket of a running task, returned when dropped; 0 if there was no free slot.
-#[derive(Debug)]
 pub(super) struct Ticket(u64);
 
 impl Ticket {
@@ -44,7 +43,6 @@ impl Drop for Ticket {
 }
 
 /// The last visitors of each item.
-#[derive(Debug)]
 pub(super) struct Visitors(Vec<Last>);
 
 #[derive(Debug, Default)]

@@ -126,7 +126,7 @@ impl<L, F: Four<L>> Four<[L; 2]> for (F, F) {
 }
 
 /// Contiguous vectors, `EACH` per lane.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct Row<'t, L, const EACH: usize = 1> {
     view: View<'t>,
     /// At least `EACH` vectors per lane lie inside from here on.
@@ -160,7 +160,7 @@ impl<L: Registers> Four<[L; 2]> for Row<'_, L, 2> {
 }
 
 /// The rows of a list.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct RowsOf<'p, L, const EACH: usize> {
     view: View<'p>,
     /// The start of each row; all rows lie inside.
@@ -176,7 +176,7 @@ impl<'p, L: Registers, const EACH: usize> RowsOf<'p, L, EACH> {
 }
 
 /// Vectors at arbitrary indices: register `k` holds those of lanes `k`, `k + 4` ...
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct VectorsAt<'t, L> {
     view: View<'t>,
     /// One index per lane, all inside.
@@ -209,7 +209,7 @@ impl<L: Registers> Four<L> for VectorsAt<'_, L> {
 }
 
 /// The vectors at the indices of a list.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(crate) struct Gathered<'p> {
     view: View<'p>,
     /// All inside.
