@@ -76,6 +76,7 @@ use contacts::Contacts;
 pub(crate) use contacts::carry::ROUNDS;
 #[cfg(feature = "gpu")]
 pub(crate) use contacts::response::iterations;
+use contacts::response::warm_scale;
 use crossings::known::{KnownCrossings, Posed};
 use detection::Detection;
 #[cfg(feature = "gpu")]
@@ -284,7 +285,7 @@ impl TriangleContact {
     ) -> bool {
         let SubstepContext { plan, workers, .. } = context;
         let workers = workers.for_items(self.tally.listed as usize, PAIRS_OF_THREAD);
-        let mut scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
+        let mut scale = warm_scale(plan.params.h, self.h);
         self.h = plan.params.h;
         let push = self.push.of_vertices();
         let floats = common_motion.is_none();
