@@ -191,7 +191,7 @@ impl TriangleContact {
         (self.tally, self.too_many, self.max_carry) = (Tally::default(), 0, 0.0);
         self.crossings.begin();
         self.save();
-        let jumped = self.bodies.begin(plan, self.friction);
+        let jumped = self.bodies.begin(plan, self.friction, self.surface.thickness);
         self.bodies.place(plan, self.surface.thickness, x, u);
         self.crossings.are_all &= !jumped;
         // Bodies that stand still are not tested for straying, so those that stop must not have paths that go on.
@@ -225,7 +225,7 @@ impl TriangleContact {
         let covers = plan.listing == Listing::EveryStop;
         let (by, margin) = if covers { self.ways(plan, x, u, common_motion) } else { Default::default() };
         let by = if covers { &by } else { &*u };
-        if !self.list(context, Path { x, u: by, margin: &margin, workers }, common_motion.is_none()) {
+        if !self.list(context, Path { x, u: by, margin: &margin, workers }, self.floats(plan)) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
@@ -233,6 +233,12 @@ impl TriangleContact {
             let push = self.push.of_vertices();
             x.iter_mut().zip(push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         }
+    }
+
+    /// Whether there is nothing kinematic anywhere, so that only the motion of the cloth's vertices relative to each other matters to
+    /// detection.
+    fn floats(&self, plan: &Plan<'_>) -> bool {
+        plan.meshes.is_empty() && !plan.cloth.has_pins()
     }
 
     /// Moves apart what touches exactly, once after the state was replaced or a body has jumped.
@@ -275,7 +281,7 @@ impl TriangleContact {
     }
 
     /// Holds the listed pairs apart that come near, and pushes all vertices out of colliders. Returns false, and does neither, if none
-    /// come near. They move relative to `common_motion`; without one the cloth is free, and they move relative to its mean motion.
+    /// come near. They move relative to `common_motion`; without one nothing holds the cloth, and they move relative to its mean motion.
     fn hold_apart(
         &mut self,
         context: SubstepContext<'_>,
@@ -288,7 +294,7 @@ impl TriangleContact {
         let mut scale = warm_scale(plan.params.h, self.h);
         self.h = plan.params.h;
         let push = self.push.of_vertices();
-        let floats = common_motion.is_none();
+        let floats = self.floats(plan);
         let mut input = ContactInput {
             x,
             u,
@@ -323,7 +329,7 @@ impl TriangleContact {
             let cloth = ..self.bodies.first;
             let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
             self.crossings.drifted.extend(self.contacts.finish([x, u], push, drift, workers));
-            if lost != DVec3::ZERO && returns_momentum(plan) {
+            if lost != DVec3::ZERO && returns_momentum(plan, &self.bodies) {
                 momentum::give_back(plan.cloth, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();

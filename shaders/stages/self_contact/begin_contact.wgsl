@@ -127,7 +127,7 @@ fn begin_mesh_vertex(i: u32) {
 fn begin_contact(me: Invocation, group: Workgroup) {
     let i = item(me.id, group.all);
     var together = vec3f();
-    if is_free() {
+    if floats() {
         together = strayed_together(me.lane);
     }
     var part = nothing();
