@@ -17,6 +17,14 @@ use crate::step::plan::{MeshBody, Plan};
 /// largest extent.
 pub(super) const NEAR: f32 = 0.1;
 
+/// Where mesh colliders are in a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum BodyPlace {
+    /// One of them may come near the cloth.
+    Near,
+    Elsewhere,
+}
+
 /// The mesh colliders, from step to step.
 #[derive(Debug)]
 pub(crate) struct Bodies {
@@ -29,8 +37,7 @@ pub(crate) struct Bodies {
     /// Whether none of them moves in this step, and whether detection (on a GPU: the device) knows them where they are.
     pub are_still: bool,
     pub are_known: bool,
-    /// Whether one of them may come near the cloth in this step. Otherwise the cloth moves as if there were none.
-    pub may_meet: bool,
+    whereabouts: BodyPlace,
     /// Indices of their vertices that are near the cloth in this step.
     near: Vec<u32>,
     /// Range, per coordinate, of the displacements (m) of these vertices in this step, if there are any.
@@ -48,13 +55,18 @@ impl Bodies {
             last: Vec::with_capacity(numbered.len()),
             are_still: false,
             are_known: false,
-            may_meet: false,
+            whereabouts: BodyPlace::Elsewhere,
             near: Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum()),
             travel: None,
             turn: false,
             friction: Vec::new(),
             numbered,
         }
+    }
+
+    /// Whether one of them may come near the cloth in this step. Otherwise the cloth moves as if there were none.
+    pub(crate) fn may_meet(&self) -> bool {
+        self.whereabouts == BodyPlace::Near
     }
 
     /// Whether a step can go on with these meshes: they have the same triangles, and in the first step after the state was
@@ -94,7 +106,7 @@ impl Bodies {
     /// elsewhere than where the last step left it.
     pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32, thickness: f32) -> bool {
         let meshes = plan.meshes;
-        self.may_meet = may_meet(plan, thickness);
+        self.whereabouts = if may_meet(plan, thickness) { BodyPlace::Near } else { BodyPlace::Elsewhere };
         let coefficients = || std::iter::once(friction).chain(meshes.iter().map(|body| body.friction));
         self.are_known &= coefficients().eq(self.friction.iter().copied());
         self.friction.clear();
@@ -150,7 +162,7 @@ impl Bodies {
             Some([low.min(by), high.max(by)])
         });
         let middle = |[low, high]: [Vec3A; 2]| if low.distance(high) < thickness { (low + high) * 0.5 } else { Vec3A::ZERO };
-        let range = range.or_else(|| self.may_meet.then_some([Vec3A::ZERO; 2]));
+        let range = range.or_else(|| self.may_meet().then_some([Vec3A::ZERO; 2]));
         self.turn.then(turning).flatten().or_else(|| range.map(middle).map(CommonMotion::of))
     }
 
@@ -159,7 +171,7 @@ impl Bodies {
         let cloth = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));
         self.near.clear();
         let mut travel = None;
-        if !self.may_meet {
+        if !self.may_meet() {
             return travel;
         }
         for (vertex, motion) in (self.first as u32..).zip(motions(plan)).filter(|(_, motion)| is_near(*motion, cloth)) {

@@ -96,6 +96,12 @@ const VERTICES_OF_PART: usize = 64;
 const VERTICES_OF_THREAD: usize = 128;
 const PAIRS_OF_THREAD: usize = 1024;
 
+/// Whether there is nothing kinematic anywhere, so that only the motion of the cloth's vertices relative to each other matters to
+/// detection.
+fn floats(plan: &Plan<'_>) -> bool {
+    plan.meshes.is_empty() && !plan.cloth.has_pins()
+}
+
 /// Counts for the report of a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Tally {
@@ -225,7 +231,7 @@ impl TriangleContact {
         let covers = plan.listing == Listing::EveryStop;
         let (by, margin) = if covers { self.ways(plan, x, u, common_motion) } else { Default::default() };
         let by = if covers { &by } else { &*u };
-        if !self.list(context, Path { x, u: by, margin: &margin, workers }, self.floats(plan)) {
+        if !self.list(context, Path { x, u: by, margin: &margin, workers }, floats(plan)) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
@@ -233,12 +239,6 @@ impl TriangleContact {
             let push = self.push.of_vertices();
             x.iter_mut().zip(push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         }
-    }
-
-    /// Whether there is nothing kinematic anywhere, so that only the motion of the cloth's vertices relative to each other matters to
-    /// detection.
-    fn floats(&self, plan: &Plan<'_>) -> bool {
-        plan.meshes.is_empty() && !plan.cloth.has_pins()
     }
 
     /// Moves apart what touches exactly, once after the state was replaced or a body has jumped.
@@ -294,7 +294,7 @@ impl TriangleContact {
         let mut scale = warm_scale(plan.params.h, self.h);
         self.h = plan.params.h;
         let push = self.push.of_vertices();
-        let floats = self.floats(plan);
+        let floats = floats(plan);
         let mut input = ContactInput {
             x,
             u,
