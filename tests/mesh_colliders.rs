@@ -7,12 +7,13 @@ mod common;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-use cloth_deformer::glam::{EulerRot, Quat, Vec3};
+use cloth_deformer::glam::{DVec3, EulerRot, Quat, Vec3};
 use cloth_deformer::{
     Attributes, Backend, Cause, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, Sleep, StepError, Warning,
 };
 use common::FRAME;
 use common::crossings::{crossings, crossings_with};
+use common::energy::masses;
 use common::shapes::{ball, capsule, jittered, sheets, tube};
 
 /// Thickness (m).
@@ -31,6 +32,7 @@ on_every_backend!(
     a_slick_slab_drags_nothing_along,
     cloth_goes_along_with_a_body_while_it_is_hooked_elsewhere,
     a_ball_takes_along_all_that_is_in_its_way,
+    a_body_elsewhere_does_not_stop_what_flies,
     a_fast_body_elsewhere_is_no_matter,
     a_large_triangle_holds_like_small_ones,
     an_open_patch_holds_on_both_sides,
@@ -114,6 +116,34 @@ fn a_fast_body_elsewhere_is_no_matter(backend: Backend) {
         };
         let warned = (-4..4).map(frame).skip(2).any(|outruns| outruns);
         assert_eq!(warned, outruns, "{distance} m below");
+    }
+}
+
+/// Cloth that crumples while it flies keeps its momentum, whatever mesh is elsewhere, still or in motion. Truncation takes some from it
+/// in every substep, and none of it may be lost.
+fn a_body_elsewhere_does_not_stop_what_flies(backend: Backend) {
+    let mesh = jittered(Mesh::grid(16, 16, 0.5, 0.5), 3);
+    let round = ball(30.0 * Vec3::X, 0.1, 5);
+    let (speed, frames) = (10.0 * Vec3::NEG_Y, 60);
+    let contact = Some(Contact { thickness: 0.002, friction: 0.3 });
+    let options = Options { backend, quality: Quality::Substeps(5), contact, ..Options::default() };
+    let v = |x: &Vec3| Vec3::new(-3.0 * x.x, 2.0 * (9.0 * x.x).sin(), -2.0 * x.z) + speed;
+    let v: Vec<Vec3> = mesh.positions.iter().map(v).collect();
+    let mass: Vec<f64> = masses(&mesh, options.fabric.density).into_iter().map(f64::from).collect();
+    let center = |x: &[Vec3]| x.iter().zip(&mass).map(|(x, m)| x.as_dvec3() * *m).sum::<DVec3>() / mass.iter().sum::<f64>();
+    let mean = center(&v);
+    for turns in [0.0, 0.3] {
+        let mut cloth = Deformer::new(&mesh, options.clone()).unwrap();
+        cloth.set_state(&mesh.positions, &v).unwrap();
+        for frame in 0..frames {
+            let turn = Quat::from_rotation_y(turns * frame as f32 / 60.0);
+            let attributes = Attributes { gravity: Vec3::ZERO, ..with(vec![Collider::mesh(moved(&round, |x| turn * x))]) };
+            cloth.step(FRAME, &attributes).unwrap();
+        }
+        let went = center(cloth.positions().unwrap()) - center(&mesh.positions);
+        let should = mean * f64::from(frames as f32 * FRAME);
+        println!("turning by {turns} rad/s: went {went} of {should} m");
+        assert!(went.distance(should) < 1e-3, "it went {went} of {should} m");
     }
 }
 

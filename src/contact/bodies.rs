@@ -9,11 +9,21 @@ use super::common_motion::CommonMotion;
 use crate::kernels::integrate::xyz;
 use crate::kernels::params::Substep;
 use crate::model::mesh::{Mesh, around, bounds};
+use crate::step::load::STEPS_AHEAD;
+use crate::step::motion::Whereabouts;
 use crate::step::plan::{MeshBody, Plan};
 
 /// A vertex of a body counts as near the cloth if it is within the cloth's bounding box, enlarged by this share of its
 /// largest extent.
 pub(super) const NEAR: f32 = 0.1;
+
+/// Where mesh colliders are in a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum BodyPlace {
+    /// One of them may come near the cloth.
+    Near,
+    Elsewhere,
+}
 
 /// The mesh colliders, from step to step.
 pub(crate) struct Bodies {
@@ -26,6 +36,7 @@ pub(crate) struct Bodies {
     /// Whether none of them moves in this step, and whether detection (on a GPU: the device) knows them where they are.
     pub are_still: bool,
     pub are_known: bool,
+    whereabouts: BodyPlace,
     /// Indices of their vertices that are near the cloth in this step.
     near: Vec<u32>,
     /// Range, per coordinate, of the displacements (m) of these vertices in this step, if there are any.
@@ -43,12 +54,18 @@ impl Bodies {
             last: Vec::with_capacity(numbered.len()),
             are_still: false,
             are_known: false,
+            whereabouts: BodyPlace::Elsewhere,
             near: Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum()),
             travel: None,
             turn: false,
             friction: Vec::new(),
             numbered,
         }
+    }
+
+    /// Whether one of them may come near the cloth in this step. Otherwise the cloth moves as if there were none.
+    pub(crate) fn may_meet(&self) -> bool {
+        self.whereabouts == BodyPlace::Near
     }
 
     /// Whether a step can go on with these meshes: they have the same triangles, and in the first step after the state was
@@ -84,10 +101,11 @@ impl Bodies {
         true
     }
 
-    /// Begins a step; `friction` is that of the cloth with itself. Returns whether a body starts elsewhere than where the
-    /// last step left it.
-    pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
+    /// Begins a step; `friction` is that of the cloth with itself, `thickness` (m) that of contact. Returns whether a body starts
+    /// elsewhere than where the last step left it.
+    pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32, thickness: f32) -> bool {
         let meshes = plan.meshes;
+        self.whereabouts = if may_meet(plan, thickness) { BodyPlace::Near } else { BodyPlace::Elsewhere };
         let coefficients = || std::iter::once(friction).chain(meshes.iter().map(|body| body.friction));
         self.are_known &= coefficients().eq(self.friction.iter().copied());
         self.friction.clear();
@@ -126,7 +144,8 @@ impl Bodies {
     }
 
     /// The common motion of everything that moves from outside, pins and bodies, in a substep: the rigid motion that fits
-    /// them, or the midpoint of the range of their displacements if they do not move rigidly. `None` if there is neither.
+    /// them, or the midpoint of the range of their displacements if they do not move rigidly. `None` if there are no pins, and no
+    /// body may meet the cloth in this step.
     ///
     /// Motion is measured relative to it, so that cloth riding on a body is at rest however fast the body is. If the
     /// range is larger than the substeps resolve ([`ContactOutruns`](crate::Warning::ContactOutruns)), it is zero,
@@ -142,7 +161,7 @@ impl Bodies {
             Some([low.min(by), high.max(by)])
         });
         let middle = |[low, high]: [Vec3A; 2]| if low.distance(high) < thickness { (low + high) * 0.5 } else { Vec3A::ZERO };
-        let range = range.or_else(|| (self.first < u.len()).then_some([Vec3A::ZERO; 2]));
+        let range = range.or_else(|| self.may_meet().then_some([Vec3A::ZERO; 2]));
         self.turn.then(turning).flatten().or_else(|| range.map(middle).map(CommonMotion::of))
     }
 
@@ -151,6 +170,9 @@ impl Bodies {
         let cloth = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));
         self.near.clear();
         let mut travel = None;
+        if !self.may_meet() {
+            return travel;
+        }
         for (vertex, motion) in (self.first as u32..).zip(motions(plan)).filter(|(_, motion)| is_near(*motion, cloth)) {
             self.near.push(vertex);
             let [_, by] = motion;
@@ -165,6 +187,25 @@ impl Bodies {
 pub(super) fn is_near([from, by]: [Vec3; 2], [low, high]: [Vec3; 2]) -> bool {
     let [least, most] = around([from, by], by.abs() + NEAR * (high - low).max_element());
     least.cmple(high).all() && most.cmpge(low).all()
+}
+
+/// Whether a mesh collider may come near the cloth in this step: within a share [`NEAR`] of its largest extent, the thickness (m), and
+/// what it may move besides its course. True if it is not known where the cloth is.
+fn may_meet(plan: &Plan<'_>, thickness: f32) -> bool {
+    let Some(Whereabouts { low, high, fastest }) = plan.whereabouts else { return !plan.meshes.is_empty() };
+    let dt = plan.params.h / plan.params.fraction;
+    let reach = NEAR * (high - low).max_element() + STEPS_AHEAD as f32 * fastest * dt + 2.0 * thickness;
+    let (low, high) = (low - reach, high + reach);
+    // Written so that a place that is no number counts as near.
+    let is_away = |[least, most]: [Vec3; 2]| least.cmpgt(high).any() || most.cmplt(low).any();
+    plan.meshes.iter().any(|body| {
+        let origin = plan.cloth.origin;
+        let ends = |vertex: u32| [&body.from, &body.to].map(|mesh| mesh.positions[vertex as usize] - origin);
+        let all = || motions_of(body, origin).flat_map(|[from, by]| [from, from + by]);
+        // A triangle may be larger than the cloth, and have all its corners elsewhere.
+        let of_triangle = |corners: &[u32; 3]| bounds(corners.iter().flat_map(|&corner| ends(corner)));
+        !is_away(bounds(all())) && body.to.triangles.iter().any(|corners| !is_away(of_triangle(corners)))
+    })
 }
 
 /// Whether the vertices of two meshes are in the same places.

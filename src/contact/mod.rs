@@ -76,6 +76,7 @@ use contacts::Contacts;
 pub(crate) use contacts::carry::ROUNDS;
 #[cfg(feature = "gpu")]
 pub(crate) use contacts::response::iterations;
+use contacts::response::warm_scale;
 use crossings::known::{KnownCrossings, Posed};
 use detection::Detection;
 #[cfg(feature = "gpu")]
@@ -94,6 +95,12 @@ pub(crate) use workers::Workers;
 const VERTICES_OF_PART: usize = 64;
 const VERTICES_OF_THREAD: usize = 128;
 const PAIRS_OF_THREAD: usize = 1024;
+
+/// Whether there is nothing kinematic anywhere, so that only the motion of the cloth's vertices relative to each other matters to
+/// detection.
+fn floats(plan: &Plan<'_>) -> bool {
+    plan.meshes.is_empty() && !plan.cloth.has_pins()
+}
 
 /// Counts for the report of a step.
 #[derive(Debug, Clone, Copy, Default)]
@@ -188,7 +195,7 @@ impl TriangleContact {
         (self.tally, self.too_many, self.max_carry) = (Tally::default(), 0, 0.0);
         self.crossings.begin();
         self.save();
-        let jumped = self.bodies.begin(plan, self.friction);
+        let jumped = self.bodies.begin(plan, self.friction, self.surface.thickness);
         self.bodies.place(plan, self.surface.thickness, x, u);
         self.crossings.are_all &= !jumped;
         // Bodies that stand still are not tested for straying, so those that stop must not have paths that go on.
@@ -222,7 +229,7 @@ impl TriangleContact {
         let covers = plan.listing == Listing::EveryStop;
         let (by, margin) = if covers { self.ways(plan, x, u, common_motion) } else { Default::default() };
         let by = if covers { &by } else { &*u };
-        if !self.list(context, Path { x, u: by, margin: &margin, workers }, common_motion.is_none()) {
+        if !self.list(context, Path { x, u: by, margin: &margin, workers }, floats(plan)) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
@@ -272,7 +279,7 @@ impl TriangleContact {
     }
 
     /// Holds the listed pairs apart that come near, and pushes all vertices out of colliders. Returns false, and does neither, if none
-    /// come near. They move relative to `common_motion`; without one the cloth is free, and they move relative to its mean motion.
+    /// come near. They move relative to `common_motion`; without one nothing holds the cloth, and they move relative to its mean motion.
     fn hold_apart(
         &mut self,
         context: SubstepContext<'_>,
@@ -282,10 +289,10 @@ impl TriangleContact {
     ) -> bool {
         let SubstepContext { plan, workers, .. } = context;
         let workers = workers.for_items(self.tally.listed as usize, PAIRS_OF_THREAD);
-        let mut scale = if self.h > 0.0 { (plan.params.h / self.h).powi(2) } else { 0.0 };
+        let mut scale = warm_scale(plan.params.h, self.h);
         self.h = plan.params.h;
         let push = self.push.of_vertices();
-        let floats = common_motion.is_none();
+        let floats = floats(plan);
         let mut input = ContactInput {
             x,
             u,
@@ -320,7 +327,7 @@ impl TriangleContact {
             let cloth = ..self.bodies.first;
             let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
             self.crossings.drifted.extend(self.contacts.finish([x, u], push, drift, workers));
-            if lost != DVec3::ZERO && returns_momentum(plan) {
+            if lost != DVec3::ZERO && returns_momentum(plan, &self.bodies) {
                 momentum::give_back(plan.cloth, lost, u, workers);
             }
             [self.tally.near, self.tally.contacts] = self.contacts.counts();

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3A, Vec4};
 
 use super::VERTICES_OF_PART;
+use super::bodies::Bodies;
 use super::workers::Workers;
 use crate::kernels::integrate::xyz;
 use crate::model::cloth::Cloth;
@@ -23,11 +24,11 @@ fn free_masses(cloth: &Cloth) -> impl Iterator<Item = f32> {
     cloth.mass.iter().zip(&cloth.rest).map(|(&mass, rest)| if rest.w > 0.0 { mass } else { 0.0 })
 }
 
-/// Whether momentum that truncation removes is returned to the cloth as a whole. Not if it has kinematic vertices, because it
-/// must not move relative to them. Colliders stop it in the next substep if it touches them, but not those of its parts that
+/// Whether momentum that truncation removes is returned to the cloth as a whole. Not if it has kinematic vertices, or mesh colliders
+/// that it [may meet](Bodies::may_meet), because it must not move relative to them. Other colliders stop it in the next substep if it touches them, but not those of its parts that
 /// are elsewhere.
-pub(crate) fn returns_momentum(plan: &Plan<'_>) -> bool {
-    !plan.cloth.has_pins() && plan.meshes.is_empty() && (plan.bodies.is_empty() || plan.cloth.parts == 1)
+pub(crate) fn returns_momentum(plan: &Plan<'_>, bodies: &Bodies) -> bool {
+    !plan.cloth.has_pins() && !bodies.may_meet() && (plan.bodies.is_empty() || plan.cloth.parts == 1)
 }
 
 /// Returns lost momentum (kg m) to the cloth by a uniform displacement.

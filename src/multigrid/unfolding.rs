@@ -23,7 +23,7 @@ const TORN: f64 = 1.25;
 const LONGER: f64 = 1.5;
 
 /// What is known of the distance between the centers of two aggregates in the unfolded cloth.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(crate) enum Unfolded {
     /// The cloth is hardly folded there.
     Flat,
@@ -34,7 +34,6 @@ pub(crate) enum Unfolded {
 }
 
 /// A cloth whose triangles are laid into a plane.
-#[derive(Debug)]
 pub(crate) struct Unfolding<'a> {
     cloth: &'a Cloth,
     /// The triangles around each vertex.

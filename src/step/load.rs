@@ -301,7 +301,7 @@ fn kinematic_speed(
 }
 
 /// Age in steps that statistics may have on the GPU (three), and one step more until they are updated.
-const STEPS_AHEAD: f64 = 4.0;
+pub(crate) const STEPS_AHEAD: f64 = 4.0;
 
 /// The largest displacement (m) of a point of the surface between `last` and `now`, relative to what moves `by` that much; 0 if
 /// the shapes are of different kinds.

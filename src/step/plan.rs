@@ -75,7 +75,6 @@ pub(crate) struct Plan<'a> {
     /// Mesh colliders; they are not among `bodies`.
     pub meshes: &'a [MeshBody],
     /// Where the cloth may be, as far as that is known without reading it from a GPU.
-    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "the CPU has the positions"))]
     pub whereabouts: Option<Whereabouts>,
     /// The pins that follow targets, sorted by vertex.
     pub pins: &'a [Pin],

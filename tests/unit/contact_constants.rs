@@ -4,7 +4,7 @@ use naga::Literal;
 
 use super::bodies;
 use super::contacts::near::{self, voronoi};
-use super::contacts::{carry, pinches};
+use super::contacts::{carry, pinches, response};
 use super::detection::{paths, tree};
 use super::surface::{LEAST_HELD, normals};
 use crate::kernels::{pair, plane};
@@ -39,6 +39,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         ("COINCIDENT", Literal::F32(pinches::COINCIDENT)),
         ("CLOSER", Literal::F32(carry::CLOSER)),
         ("CLOSEST", Literal::F32(carry::CLOSEST)),
+        ("MOST_GROWTH", Literal::F32(response::MOST_GROWTH)),
         ("NEAR", Literal::F32(bodies::NEAR)),
         ("SAMPLES", Literal::U32(paths::SAMPLES as u32)),
         ("BISECTIONS", Literal::U32(pinches::BISECTIONS)),

@@ -9,6 +9,9 @@ override HAS_CONTACT: bool = true;
 // If only every few substeps include detection, it is due already if a vertex has strayed by this share of how far it may.
 const SOON: f32 = 0.45;
 
+// The multipliers of a substep are at most so many times those of the last one: see `response.rs`.
+const MOST_GROWTH: f32 = 16.0;
+
 var<workgroup> samples: array<vec3f, SAMPLES>;
 
 // Number of vertices from which the common deviation is estimated.
@@ -124,7 +127,7 @@ fn begin_mesh_vertex(i: u32) {
 fn begin_contact(me: Invocation, group: Workgroup) {
     let i = item(me.id, group.all);
     var together = vec3f();
-    if is_free() {
+    if floats() {
         together = strayed_together(me.lane);
     }
     var part = nothing();
@@ -164,7 +167,8 @@ fn begin_substep() {
     let strayed = atomicExchange(&contact_state.status.strayed, 0u) != 0u;
     contact_state.status.scale = 0.0;
     if contact_state.status.h > 0.0 {
-        contact_state.status.scale = (params.h / contact_state.status.h) * (params.h / contact_state.status.h);
+        let growth = params.h / contact_state.status.h;
+        contact_state.status.scale = min(growth * growth, MOST_GROWTH);
     }
     contact_state.status.h = params.h;
     let over = since();

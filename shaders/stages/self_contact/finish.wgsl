@@ -46,8 +46,12 @@ fn finish(me: Invocation, group: Workgroup) {
     if slides && i == 0u {
         atomicStore(&contact_state.status.passed, 0u);
     }
-    // Only free cloth gets the momentum back, and only then parts are sums.
+    // Only free cloth gets the momentum back, and only then parts are sums. What is truncated once more has lost both times.
     if is_free() {
+        let at = number_of(group);
+        if AGAIN && me.lane == 0u && at < contact_params.groups {
+            mine += contact_state.parts[at].low.xyz;
+        }
         store_part(Part(vec4f(mine, 0.0), vec4f()), 0u, contact_params.groups, me.lane, group);
     }
 }
@@ -56,7 +60,7 @@ fn finish(me: Invocation, group: Workgroup) {
 // relative to what it strays together, so that there it counts how far it moves elsewhere than it was about to.
 fn drifts(i: u32, u: vec3f) -> bool {
     let most = allowance_of(i);
-    if is_free() {
+    if floats() {
         return length(u - p_out[i].xyz) > most;
     }
     let track = tracks[i];
@@ -83,7 +87,7 @@ fn clear_sums(i: u32) {
     atomicStore(&sums[SUMS * i + SHARE], bitcast<i32>(1.0));
 }
 
-// Used if there are no kinematic vertices. Each workgroup computes the sum by itself, in the same order.
+// Used if there are no kinematic vertices that may meet the cloth. Each workgroup computes the sum by itself, in the same order.
 @compute @workgroup_size(WORKGROUP)
 fn give_back(me: Invocation, group: Workgroup) {
     var mine = Part();

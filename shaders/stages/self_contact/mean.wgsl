@@ -44,7 +44,9 @@ fn store_part(part: Part, first: u32, count: u32, lane: u32, group: Workgroup) {
 // Every workgroup that calls this reduces all parts by itself, in the same order.
 fn mean_of_parts(lane: u32) -> vec3f {
     var part = nothing();
-    for (var k = lane; k < contact_params.groups + contact_params.mesh_groups; k += WORKGROUP) {
+    // The mean is that of the cloth.
+    let count = contact_params.groups + select(contact_params.mesh_groups, 0u, is_free());
+    for (var k = lane; k < count; k += WORKGROUP) {
         part = both(part, contact_state.parts[k]);
     }
     gather(part, lane);

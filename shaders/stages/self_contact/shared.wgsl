@@ -32,8 +32,9 @@ struct ContactParams {
     // Number of pairs that the list has room for; number of colliders.
     room: u32,
     bodies: u32,
-    // Whether there are kinematic vertices (of pins or mesh colliders), whether all mesh colliders stand still in this
-    // step, and whether contact of the cloth with itself is on; 1 or 0.
+    // Whether there are kinematic vertices (of pins or mesh colliders): 0, 1, or 2 if there are only mesh colliders that cannot meet
+    // the cloth in this step. Whether all mesh colliders stand still in this step, and whether contact of the cloth with itself is on;
+    // 1 or 0.
     has_kinematic: u32,
     meshes_rest: u32,
     has_self_contact: u32,
@@ -265,8 +266,13 @@ fn place_of_passed(k: u32) -> u32 {
     return (1u - contact_state.status.half) * contact_params.room + k;
 }
 
-// Whether there are no kinematic vertices.
+// Whether there are no kinematic vertices that may meet the cloth in this step.
 fn is_free() -> bool {
+    return contact_params.has_kinematic != 1u;
+}
+
+// Whether there are none anywhere, so that only the motion of the cloth's vertices relative to each other matters to detection.
+fn floats() -> bool {
     return contact_params.has_kinematic == 0u;
 }
 

@@ -27,6 +27,18 @@ pub(crate) fn iterations(h: f32) -> usize {
     ((ITERATIONS_PER_SECOND * h).round() as usize).clamp(ITERATIONS[0], ITERATIONS[1])
 }
 
+/// The multipliers of a substep are at most so many times those of the last one.
+///
+/// Divided by the square of its substep, a multiplier is a force. In a very short substep it mostly consists of what ends a small
+/// velocity, which is an impulse, and of rounding; as a force in a long substep these would be as many times larger as that is longer,
+/// or the square of that. Beside so large an error it is better to begin with too little, which the iterations make up for.
+pub(crate) const MOST_GROWTH: f32 = 16.0;
+
+/// The factor on the multipliers of the last substep, of `last` (s), with which one of `h` (s) begins; 0 if there was none.
+pub(crate) fn warm_scale(h: f32, last: f32) -> f32 {
+    if last > 0.0 { (h / last).powi(2).min(MOST_GROWTH) } else { 0.0 }
+}
+
 impl Contacts {
     /// Moves the vertices of near pairs so that the pairs stay apart by their thickness, with friction, and so that
     /// vertices stay outside the colliders. It starts with the multipliers of the last substep times `scale`.

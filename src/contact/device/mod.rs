@@ -26,6 +26,12 @@ use crate::step::plan::Plan;
 /// `MARK` of `shared.wgsl`.
 pub(crate) const MARK: u32 = 1 << 31;
 
+/// Values of `has_kinematic` of `shared.wgsl`: there is nothing kinematic, there is something, or there are only mesh colliders that
+/// cannot meet the cloth in this step.
+const NOTHING: u32 = 0;
+const SOMETHING: u32 = 1;
+const ELSEWHERE: u32 = 2;
+
 /// What the CPU keeps of a cloth whose contact runs on a GPU.
 pub(crate) struct HostContact {
     pub surface: Surface,
@@ -75,7 +81,7 @@ impl HostContact {
     /// where the last step left it.
     pub(crate) fn begin(&mut self, plan: &Plan<'_>, friction: f32) -> bool {
         self.before.keep(&self.bodies, &self.crossings);
-        let jumped = self.bodies.begin(plan, friction);
+        let jumped = self.bodies.begin(plan, friction, self.surface.thickness);
         self.crossings.are_all &= !jumped;
         jumped
     }
@@ -99,11 +105,24 @@ impl HostContact {
         Some(&self.motions)
     }
 
+    /// What is kinematic: `has_kinematic` of `shared.wgsl`.
+    pub(crate) fn kinematic(&self, plan: &Plan<'_>) -> u32 {
+        if plan.cloth.has_pins() || self.bodies.may_meet() {
+            SOMETHING
+        } else if plan.meshes.is_empty() {
+            NOTHING
+        } else {
+            ELSEWHERE
+        }
+    }
+
     /// The rotation in the first substep of pins and of mesh colliders near the cloth, if they turn as one: see
     /// [`CommonMotion::columns`]. The center's displacement is that in the whole step.
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
-        let near = |motion: &[Vec3; 2]| plan.whereabouts.is_none_or(|cloth| is_near(*motion, [cloth.low, cloth.high]));
+        let near = |motion: &[Vec3; 2]| {
+            self.bodies.may_meet() && plan.whereabouts.is_none_or(|cloth| is_near(*motion, [cloth.low, cloth.high]))
+        };
         let of_meshes = motions(plan).filter(near).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
         let turning =
             CommonMotion::of_kinematic(kinematic_pins(plan).chain(of_meshes), self.surface.thickness).unwrap_or_default();

@@ -105,7 +105,7 @@ impl GpuContact {
             stages.carry.dispatch_workgroups(pass, group, &[], 1);
             truncate(pass, &stages.truncate_again);
         }
-        if returns_momentum(plan) {
+        if returns_momentum(plan, &self.on_cpu.bodies) {
             stages.give_back.dispatch(pass, group, &[], vertices);
         }
         if !is_free {

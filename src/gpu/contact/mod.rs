@@ -227,7 +227,7 @@ impl GpuContact {
             // Without a response, any pair must stop the step.
             room: if choice.response == Response::None { 0 } else { *room as u32 },
             bodies: plan.bodies.len() as u32,
-            has_kinematic: (plan.cloth.has_pins() || params.mesh_vertices() > 0).into(),
+            has_kinematic: on_cpu.kinematic(plan),
             meshes_rest: on_cpu.bodies.are_still.into(),
             ignored: of_vertices.len() as u32,
             ignored_edges: of_edges.len() as u32,
