@@ -472,7 +472,7 @@ fn net() -> (Mesh, Vec<u32>) {
     let (meshes, across) = (12, 4);
     let n = meshes * across + 2;
     let grid = Mesh::grid(n, n, 1.2, 1.2);
-    let is_strand = |v: u32| v % n % across == 0 || v / n % across == 0;
+    let is_strand = |v: u32| (v % n).is_multiple_of(across) || (v / n).is_multiple_of(across);
     // The first of the two triangles of a quad begins with its first vertex, and the second follows.
     let quads = grid.triangles.chunks(2).zip((0..n * n).filter(|v| v % n < n - 1 && v / n < n - 1));
     let triangles: Vec<[u32; 3]> = quads.filter(|(_, first)| is_strand(*first)).flat_map(|(quad, _)| quad.to_vec()).collect();
@@ -500,7 +500,7 @@ fn levels_leave_what_hangs_as_it_is() {
         let (x, v) = (plain.positions().unwrap().to_vec(), plain.velocities().unwrap());
         let gained = |levels| {
             let mut cloth = Deformer::new(&mesh, options(levels)).unwrap();
-            cloth.set_state(&x, &v).unwrap();
+            cloth.set_state(&x, v).unwrap();
             let before = cloth.measure().unwrap();
             play(&mut cloth, 1, &air);
             let after = cloth.measure().unwrap();

@@ -25,8 +25,8 @@ fn free_masses(cloth: &Cloth) -> impl Iterator<Item = f32> {
 }
 
 /// Whether momentum that truncation removes is returned to the cloth as a whole. Not if it has kinematic vertices, or mesh colliders
-/// that it [may meet](Bodies::may_meet), because it must not move relative to them. Other colliders stop it in the next substep if it touches them, but not those of its parts that
-/// are elsewhere.
+/// that it [may meet](Bodies::may_meet), because it must not move relative to them. Other colliders stop it in the next substep if it
+/// touches them, but not those of its parts that are elsewhere.
 pub(crate) fn returns_momentum(plan: &Plan<'_>, bodies: &Bodies) -> bool {
     !plan.cloth.has_pins() && !bodies.may_meet() && (plan.bodies.is_empty() || plan.cloth.parts == 1)
 }
