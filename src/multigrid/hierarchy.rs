@@ -175,7 +175,7 @@ impl Hierarchy {
     pub(crate) fn new(cloth: &Cloth) -> Hierarchy {
         let bisection = Bisection::new(cloth);
         let fibers = Fiber::all(cloth);
-        let mut unfolding = Unfolding::new(cloth);
+        let mut unfolding = None;
         let mut levels: Vec<Level> = Vec::new();
         let mut pairs: Vec<[u32; 2]> = holding(cloth).map(|link| link.ends).collect();
         let mut joined = joined_by(&pairs, cloth.rest.len());
@@ -215,7 +215,7 @@ impl Hierarchy {
             };
             let rings = two_rings(&pairs, &aggregates);
             let level = OfLevel::new(&aggregates, &aggregate_of, &pairs);
-            let groups = [&rings, &pairs].map(|pairs| unfolding.distances(&level, pairs));
+            let groups = [&rings, &pairs].map(|pairs| Unfolding::distances(&mut unfolding, cloth, &level, pairs));
             // The transport distance assumes that cloth gathers into a line, which fine cloth near a lone pin does not
             // do.
             let pin_share = 1.0 - 0.2 * 0.5_f64.powi(index as i32);

@@ -7,7 +7,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::model::cloth::Cloth;
-use crate::model::csr::Csr;
+use crate::model::csr::{Csr, distinct};
 use crate::multigrid::aggregation::Aggregate;
 
 /// An aggregate is folded if the lengths of its area-weighted normals add up to so much more than their sum has. Of a part of a
@@ -36,13 +36,16 @@ pub(crate) enum Unfolded {
 /// A cloth whose triangles are laid into a plane.
 pub(crate) struct Unfolding<'a> {
     cloth: &'a Cloth,
-    /// The triangles around each vertex.
+    /// The triangles around each vertex, and those that share an edge with each triangle.
     around: Csr<u32>,
+    beyond: Csr<u32>,
     /// Where vertices are in the plane (m).
     at: Vec<DVec2>,
     /// The number of the unfolding in which a vertex was last placed, and a triangle visited.
     placed: Vec<u32>,
     visited: Vec<u32>,
+    /// The same for the aggregates whose triangles were laid.
+    among: Vec<u32>,
     number: u32,
 }
 
@@ -80,23 +83,48 @@ impl<'a> OfLevel<'a> {
 }
 
 impl<'a> Unfolding<'a> {
-    pub(crate) fn new(cloth: &'a Cloth) -> Unfolding<'a> {
-        let corners = (0..).zip(&cloth.triangles).flat_map(|(triangle, corners)| corners.map(|corner| (corner, triangle)));
+    fn new(cloth: &'a Cloth) -> Unfolding<'a> {
         let (vertices, triangles) = (cloth.rest.len(), cloth.triangles.len());
+        let corners = (0..).zip(&cloth.triangles).flat_map(|(triangle, corners)| corners.map(|corner| (corner, triangle)));
+        let around = Csr::new(vertices, corners);
+        let mut beyond = Csr::default();
+        for (triangle, corners) in (0..).zip(&cloth.triangles) {
+            let shares_an_edge = |other: &u32| {
+                let others = cloth.triangles[*other as usize];
+                *other != triangle && corners.iter().filter(|corner| others.contains(corner)).count() == 2
+            };
+            // Both ends of a shared edge name the triangle.
+            let near = corners.iter().flat_map(|&corner| around.of(corner)).copied().filter(shares_an_edge);
+            beyond.push(distinct(near.collect()));
+        }
         Unfolding {
             cloth,
-            around: Csr::new(vertices, corners),
+            around,
+            beyond,
             at: vec![DVec2::ZERO; vertices],
             placed: vec![0; vertices],
             visited: vec![0; triangles],
+            among: Vec::new(),
             number: 0,
         }
     }
 
-    /// Each of the pairs of aggregates, which are sorted, with their distance.
-    pub(crate) fn distances(&mut self, level: &OfLevel<'_>, pairs: &[[u32; 2]]) -> Vec<([u32; 2], Unfolded)> {
-        let mut radii: Vec<Option<f64>> = vec![None; level.folded.len()];
+    /// Each of the pairs of aggregates, which are sorted, with their distance. What is flat needs no unfolding.
+    pub(crate) fn distances(
+        this: &mut Option<Unfolding<'a>>,
+        cloth: &'a Cloth,
+        level: &OfLevel<'_>,
+        pairs: &[[u32; 2]],
+    ) -> Vec<([u32; 2], Unfolded)> {
         let mut distances: Vec<_> = pairs.iter().map(|&pair| (pair, Unfolded::Flat)).collect();
+        if level.folded.contains(&true) {
+            this.get_or_insert_with(|| Unfolding::new(cloth)).unfold_folded(level, &mut distances);
+        }
+        distances
+    }
+
+    fn unfold_folded(&mut self, level: &OfLevel<'_>, distances: &mut [([u32; 2], Unfolded)]) {
+        let mut radii: Vec<Option<f64>> = vec![None; level.folded.len()];
         for with_first in distances.chunk_by_mut(|(a, _), (b, _)| a[0] == b[0]) {
             if !with_first.iter().any(|&(pair, _)| level.is_folded(pair)) {
                 continue;
@@ -105,15 +133,12 @@ impl<'a> Unfolding<'a> {
             let seconds: Vec<u32> = with_first.iter().map(|(pair, _)| pair[1]).collect();
             for &aggregate in seconds.iter().chain([&first]) {
                 radii[aggregate as usize].get_or_insert_with(|| {
-                    let laid = self.unfold(level, aggregate, |other| other == aggregate);
+                    let laid = self.unfold(level, aggregate, &[]);
                     let radius = self.center_and_radius(level, aggregate).map(|(_, radius)| radius);
                     radius.filter(|_| self.are_whole(&laid)).unwrap_or(f64::INFINITY)
                 });
             }
-            let neighbors = level.neighbors.of(first);
-            self.unfold(level, first, |other| {
-                other == first || seconds.binary_search(&other).is_ok() || neighbors.binary_search(&other).is_ok()
-            });
+            self.unfold(level, first, &[&seconds, level.neighbors.of(first)]);
             let is_torn = |aggregate: u32, radius: f64| radii[aggregate as usize].is_some_and(|alone| radius > TORN * alone);
             let goes_around = |aggregate: u32| radii[aggregate as usize] == Some(f64::INFINITY);
             let Some((from, radius)) = self.center_and_radius(level, first) else { continue };
@@ -126,16 +151,21 @@ impl<'a> Unfolding<'a> {
                 *unfolded = if is_torn { Unfolded::Torn } else { Unfolded::At(from.distance(to)) };
             }
         }
-        distances
     }
 
-    /// Lays the triangles with a corner in aggregates that are `among` into the plane, beginning in one of them, each next to one that
+    /// Lays the triangles with a corner in an aggregate or one of others into the plane, beginning in the `first`, each next to one that
     /// was laid before. Returns them.
-    fn unfold(&mut self, level: &OfLevel<'_>, first: u32, among: impl Fn(u32) -> bool) -> Vec<u32> {
+    fn unfold(&mut self, level: &OfLevel<'_>, first: u32, others: &[&[u32]]) -> Vec<u32> {
         self.number += 1;
+        self.among.resize(level.folded.len().max(self.among.len()), 0);
+        for &aggregate in others.iter().copied().flatten().chain([&first]) {
+            self.among[aggregate as usize] = self.number;
+        }
         let triangles = &self.cloth.triangles;
-        let is_among =
-            |triangle: &u32| triangles[*triangle as usize].iter().any(|&corner| among(level.aggregate_of[corner as usize]));
+        let number = self.number;
+        let is_among = |corners: &[u32; 3], among: &[u32]| {
+            corners.iter().any(|&corner| among[level.aggregate_of[corner as usize] as usize] == number)
+        };
         let Some(&start) = level.vertices.of(first).iter().find_map(|&vertex| self.around.of(vertex).first()) else {
             return Vec::new();
         };
@@ -150,19 +180,20 @@ impl<'a> Unfolding<'a> {
         while let Some(&triangle) = queue.get(next) {
             next += 1;
             let corners = triangles[triangle as usize];
-            for [u, v, opposite] in [0, 1, 2].map(|k| [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]]) {
-                for place in self.around.spans[u as usize].range() {
-                    let other = self.around.items[place];
-                    let others = triangles[other as usize];
-                    if self.visited[other as usize] == self.number || !others.contains(&v) || !is_among(&other) {
-                        continue;
-                    }
-                    self.visited[other as usize] = self.number;
-                    queue.push(other);
-                    let apex = others.into_iter().find(|&corner| corner != u && corner != v).unwrap_or(u);
-                    if self.placed[apex as usize] != self.number {
+            for place in self.beyond.spans[triangle as usize].range() {
+                let other = self.beyond.items[place];
+                let others = triangles[other as usize];
+                if self.visited[other as usize] == number || !is_among(&others, &self.among) {
+                    continue;
+                }
+                self.visited[other as usize] = number;
+                queue.push(other);
+                let [opposite, apex] = [(corners, others), (others, corners)].map(|(of, not)| apex(of, not));
+                if self.placed[apex as usize] != number {
+                    let mut edge = others.into_iter().filter(|&corner| corner != apex);
+                    if let (Some(u), Some(v)) = (edge.next(), edge.next()) {
                         self.at[apex as usize] = self.beside([u, v], apex, self.at[opposite as usize]);
-                        self.placed[apex as usize] = self.number;
+                        self.placed[apex as usize] = number;
                     }
                 }
             }
@@ -208,4 +239,9 @@ impl<'a> Unfolding<'a> {
         center /= mass;
         Some((center, (square / mass - center.length_squared()).max(0.0).sqrt()))
     }
+}
+
+/// The corner of a triangle that is not one of another one's, with which it shares an edge.
+fn apex(of: [u32; 3], other: [u32; 3]) -> u32 {
+    of.into_iter().find(|corner| !other.contains(corner)).unwrap_or(of[0])
 }
