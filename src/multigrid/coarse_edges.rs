@@ -15,6 +15,8 @@ use crate::multigrid::unfolding::Unfolded;
 /// If the stiffness along an edge is less than this share of the aggregate's stiffness in all directions, the edge is
 /// omitted.
 const SLACK: f64 = 1e-3;
+/// Aggregates are in pleats if they are so many times as far apart in unfolded cloth as where it is smooth.
+const PLEATED: f64 = 1.1;
 
 /// The items that aggregates consist of, as point masses: vertices, or aggregates two levels finer. They determine the
 /// rest lengths of edges to pinned aggregates.
@@ -175,8 +177,10 @@ impl Edges<'_> {
     pub(crate) fn color(&self, groups: &[Vec<([u32; 2], Unfolded)>]) -> (Vec<Link>, Vec<Range<usize>>) {
         let centers: Vec<Vec3> = self.aggregates.iter().map(|aggregate| aggregate.center.as_vec3()).collect();
         let (mut links, mut colors) = (Vec::new(), Vec::new());
+        let is_pleated = self.is_pleated(groups.iter().flatten());
         for pairs in groups {
-            let made: Vec<Link> = pairs.iter().filter_map(|&(pair, unfolded)| self.between(pair, unfolded)).collect();
+            let made = pairs.iter().filter_map(|&(pair, unfolded)| self.between(pair, self.length(pair, unfolded, is_pleated)?));
+            let made: Vec<Link> = made.collect();
             let ends: Vec<[u32; 2]> = made.iter().map(|link| link.ends).collect();
             let batches = coloring::color(&ends, &centers).batches();
             let first = links.len();
@@ -186,20 +190,44 @@ impl Edges<'_> {
         (links, colors)
     }
 
-    /// The edge between two aggregates; none if the cloth does not connect them along it, or not known how.
-    fn between(&self, pair: [u32; 2], unfolded: Unfolded) -> Option<Link> {
+    /// Whether so many aggregates are farther apart in unfolded cloth than where it is smooth that others, which cannot be unfolded, may
+    /// be, too.
+    fn is_pleated<'a>(&self, pairs: impl Iterator<Item = &'a ([u32; 2], Unfolded)>) -> bool {
+        let (mut known, mut longer) = (0, 0);
+        for &(pair, unfolded) in pairs {
+            if let Unfolded::At(distance) = unfolded {
+                known += 1;
+                longer += usize::from(distance > PLEATED * self.smooth_length(pair));
+            }
+        }
+        longer * 10 > known
+    }
+
+    /// The largest distance (m) of two aggregates, if it is known.
+    fn length(&self, pair: [u32; 2], unfolded: Unfolded, is_pleated: bool) -> Option<f64> {
+        let length = self.smooth_length(pair);
+        match unfolded {
+            Unfolded::At(distance) if is_pleated || distance > PLEATED * length => Some(distance.max(length)),
+            Unfolded::Torn if is_pleated => None,
+            _ => Some(length),
+        }
+    }
+
+    /// The largest distance (m) of two aggregates of smooth cloth.
+    fn smooth_length(&self, pair: [u32; 2]) -> f64 {
         let [a, b] = pair.map(|aggregate| &self.aggregates[aggregate as usize]);
         let turn = 0.5 * a.normal().angle_between(b.normal());
         let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
-        let mut rest = a.center.distance(b.center) * bent;
+        let length = a.center.distance(b.center) * bent;
         if a.pinned || b.pinned {
-            rest = rest.max(self.pin_share * self.masses.transport(pair, [a.mass, b.mass]));
+            return length.max(self.pin_share * self.masses.transport(pair, [a.mass, b.mass]));
         }
-        match unfolded {
-            Unfolded::Flat => {}
-            Unfolded::At(distance) => rest = rest.max(distance),
-            Unfolded::Torn => return None,
-        }
+        length
+    }
+
+    /// The edge of this rest length (m) between two aggregates; none if the cloth does not connect them along it.
+    fn between(&self, pair: [u32; 2], rest: f64) -> Option<Link> {
+        let [a, b] = pair.map(|aggregate| &self.aggregates[aggregate as usize]);
         let n = (b.center - a.center).normalize_or_zero();
         let along = pair.map(|aggregate| self.stiffness.along(aggregate, n));
         // A pinned aggregate may consist of one vertex with hardly any edges, so the free aggregate alone determines
