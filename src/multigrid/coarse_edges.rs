@@ -254,7 +254,7 @@ impl Edges<'_> {
 
 /// Two-ring links are not made through an aggregate with more neighbors than this: the hub of a fan would link every
 /// two aggregates of its rim, while a dozen directions are enough.
-const CROWDED: usize = 64;
+pub(crate) const CROWDED: usize = 64;
 
 /// Pairs of aggregates that are not neighbors but have common neighbors on both sides of the line between them, so that
 /// they are not separated by a slit.

@@ -2,13 +2,14 @@
 //!
 //! The centers of two aggregates can be as far apart as in the unfolded cloth, which in pleats is several times as far as at rest.
 //! Coarse edges as long as at rest would hold pleats together like rubber bands: a pleated skirt that hangs open would gain 8 J when it
-//! begins to use levels. What cannot be unfolded, as it goes around a tube, has no coarse edges where it is folded.
+//! begins to use levels. Where pleated cloth cannot be unfolded, because it goes around a tube, it has no coarse edges.
 
 use glam::{DVec2, DVec3};
 
 use crate::model::cloth::Cloth;
 use crate::model::csr::{Csr, distinct};
 use crate::multigrid::aggregation::Aggregate;
+use crate::multigrid::coarse_edges::CROWDED;
 
 /// An aggregate is folded if the lengths of its area-weighted normals add up to so much more than their sum has. Of a part of a
 /// cylinder this is an angle of 63 degrees.
@@ -87,16 +88,14 @@ impl<'a> Unfolding<'a> {
         let (vertices, triangles) = (cloth.rest.len(), cloth.triangles.len());
         let corners = (0..).zip(&cloth.triangles).flat_map(|(triangle, corners)| corners.map(|corner| (corner, triangle)));
         let around = Csr::new(vertices, corners);
-        let mut beyond = Csr::default();
-        for (triangle, corners) in (0..).zip(&cloth.triangles) {
-            let shares_an_edge = |other: &u32| {
-                let others = cloth.triangles[*other as usize];
-                *other != triangle && corners.iter().filter(|corner| others.contains(corner)).count() == 2
-            };
-            // Both ends of a shared edge name the triangle.
-            let near = corners.iter().flat_map(|&corner| around.of(corner)).copied().filter(shares_an_edge);
-            beyond.push(distinct(near.collect()));
-        }
+        let edges = (0..)
+            .zip(&cloth.triangles)
+            .flat_map(|(triangle, &[a, b, c])| [[a, b], [b, c], [c, a]].map(|[u, v]| [u.min(v), u.max(v), triangle]));
+        let edges = distinct(edges.collect());
+        // Any number of triangles may share an edge: each is next to the one before and the one after it.
+        let shared = edges.windows(2).filter(|pair| pair[0][..2] == pair[1][..2]);
+        let beyond = shared.flat_map(|pair| [(pair[0][2], pair[1][2]), (pair[1][2], pair[0][2])]);
+        let beyond = Csr::new(triangles, beyond);
         Unfolding {
             cloth,
             around,
@@ -154,11 +153,12 @@ impl<'a> Unfolding<'a> {
     }
 
     /// Lays the triangles with a corner in an aggregate or one of others into the plane, beginning in the `first`, each next to one that
-    /// was laid before. Returns them.
+    /// was laid before. Returns them. The hub of a fan is left out of the others, because it has a corner of all triangles around it.
     fn unfold(&mut self, level: &OfLevel<'_>, first: u32, others: &[&[u32]]) -> Vec<u32> {
         self.number += 1;
         self.among.resize(level.folded.len().max(self.among.len()), 0);
-        for &aggregate in others.iter().copied().flatten().chain([&first]) {
+        let is_hub = |aggregate: u32| level.neighbors.of(aggregate).len() > CROWDED;
+        for &aggregate in others.iter().copied().flatten().filter(|&&other| !is_hub(other)).chain([&first]) {
             self.among[aggregate as usize] = self.number;
         }
         let triangles = &self.cloth.triangles;

@@ -29,7 +29,10 @@ impl fmt::Display for Warning {
             }
             Warning::StrainMissed { stretch, promised, cause } => {
                 let [stretch, promised] = distinct([stretch, promised].map(|share| 100.0 * f64::from(share)));
-                write!(f, "the cloth was stretched by {stretch} %, more than the bound of {promised} %, {cause}")
+                write!(
+                    f,
+                    "the cloth was stretched by {stretch} % beyond the fabric's own stretch, more than the bound of {promised} %, {cause}"
+                )
             }
             Warning::Slivers { edges, worst: [a, b] } => {
                 write!(
