@@ -41,6 +41,10 @@ impl Aggregate {
 /// row.
 const FINEST: f64 = 17.5;
 
+/// An aggregate with more neighbors than this is the hub of a fan. Two-ring links through it would join every two aggregates of the rim,
+/// while a dozen directions are enough.
+pub(crate) const CROWDED: usize = 64;
+
 /// A part with so many holes at most is no net: a garment has some for arms, head and buttons.
 const FEW_HOLES: i64 = 8;
 

@@ -9,7 +9,7 @@ use crate::model::cloth::Cloth;
 use crate::model::coloring;
 use crate::model::csr::{Csr, distinct};
 use crate::model::link::{Link, Visits};
-use crate::multigrid::aggregation::{Aggregate, holding};
+use crate::multigrid::aggregation::{Aggregate, CROWDED, holding};
 use crate::multigrid::unfolding::Unfolded;
 
 /// If the stiffness along an edge is less than this share of the aggregate's stiffness in all directions, the edge is
@@ -251,10 +251,6 @@ impl Edges<'_> {
         })
     }
 }
-
-/// Two-ring links are not made through an aggregate with more neighbors than this: the hub of a fan would link every
-/// two aggregates of its rim, while a dozen directions are enough.
-pub(crate) const CROWDED: usize = 64;
 
 /// Pairs of aggregates that are not neighbors but have common neighbors on both sides of the line between them, so that
 /// they are not separated by a slit.

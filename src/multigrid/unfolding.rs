@@ -8,8 +8,7 @@ use glam::{DVec2, DVec3};
 
 use crate::model::cloth::Cloth;
 use crate::model::csr::{Csr, distinct};
-use crate::multigrid::aggregation::Aggregate;
-use crate::multigrid::coarse_edges::CROWDED;
+use crate::multigrid::aggregation::{Aggregate, CROWDED};
 
 /// An aggregate is folded if the lengths of its area-weighted normals add up to so much more than their sum has. Of a part of a
 /// cylinder this is an angle of 63 degrees.
