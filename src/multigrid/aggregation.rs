@@ -130,6 +130,11 @@ impl Bisection {
     }
 }
 
+/// The neighbors of each of `count` aggregates, in ascending order as the pairs are.
+pub(crate) fn neighbors(count: usize, pairs: &[[u32; 2]]) -> Csr<u32> {
+    Csr::new(count, pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]))
+}
+
 /// The number of holes of each connected part, by Euler's formula `1 - V + E - F`.
 fn holes(cloth: &Cloth, part: &[u32]) -> Vec<i64> {
     let mut holes: Vec<i64> = (0..).zip(part).map(|(vertex, &part)| i64::from(vertex == part)).collect();

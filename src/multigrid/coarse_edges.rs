@@ -9,7 +9,7 @@ use crate::model::cloth::Cloth;
 use crate::model::coloring;
 use crate::model::csr::{Csr, distinct};
 use crate::model::link::{Link, Visits};
-use crate::multigrid::aggregation::{Aggregate, CROWDED, holding};
+use crate::multigrid::aggregation::{Aggregate, CROWDED, holding, neighbors};
 use crate::multigrid::unfolding::Unfolded;
 
 /// If the stiffness along an edge is less than this share of the aggregate's stiffness in all directions, the edge is
@@ -255,7 +255,7 @@ impl Edges<'_> {
 /// Pairs of aggregates that are not neighbors but have common neighbors on both sides of the line between them, so that
 /// they are not separated by a slit.
 pub(crate) fn two_rings(pairs: &[[u32; 2]], aggregates: &[Aggregate]) -> Vec<[u32; 2]> {
-    let near = Csr::new(aggregates.len(), pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)]));
+    let near = neighbors(aggregates.len(), pairs);
     let mut found = Vec::new();
     for a in 0..aggregates.len() as u32 {
         // The aggregates two rings away, with the sides of the line to them on which there is a common neighbor.

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use crate::model::cloth::Cloth;
 use crate::model::csr::{Csr, distinct};
-use crate::multigrid::aggregation::{Aggregate, CROWDED};
+use crate::multigrid::aggregation::{Aggregate, CROWDED, neighbors};
 
 /// An aggregate is folded if the lengths of its area-weighted normals add up to so much more than their sum has. Of a part of a
 /// cylinder this is an angle of 63 degrees.
@@ -72,7 +72,7 @@ impl<'a> OfLevel<'a> {
         OfLevel {
             aggregate_of,
             vertices: Csr::new(count, aggregate_of.iter().copied().zip(0..)),
-            neighbors: Csr::new(count, pairs.iter().flat_map(|&[a, b]| [(a, b), (b, a)])),
+            neighbors: neighbors(count, pairs),
             folded,
         }
     }
