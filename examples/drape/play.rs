@@ -124,15 +124,13 @@ pub(crate) fn play(
         save::save(scene, frame, is_last, &mut deformer, &report.frames, warned.texts())?;
         if is_interrupted {
             progress.finish_and_clear();
+            tell_repeated(&warned, quiet);
             let message = format_args!("interrupted: {} of {} frames written", frame.max(0), outputs.frames);
             return Err(Failure::new(Failure::INTERRUPTED, message));
         }
     }
     progress.finish_and_clear();
-    if !quiet {
-        warned.repeated().iter().for_each(|line| warn("note", line));
-    }
-
+    tell_repeated(&warned, quiet);
     frames.finish()?;
     if let Some(file) = report_file {
         file.write(&report.json()?)?;
@@ -148,6 +146,12 @@ pub(crate) fn play(
         file.write(&drawn("--animate", animation)?)?;
     }
     Ok(report)
+}
+
+/// Says how often a run warned of what, unless it is `quiet`.
+fn tell_repeated(warned: &Warned, quiet: bool) {
+    let lines = if quiet { Vec::new() } else { warned.repeated() };
+    lines.iter().for_each(|line| warn("note", line));
 }
 
 /// The file of a picture, unless it was interrupted.

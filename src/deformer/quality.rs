@@ -33,6 +33,9 @@ const COARSE_ENOUGH: usize = 4096;
 /// [`Quality::Budget`].
 const TAUT: f64 = 0.05;
 
+/// About as many pairs of cloth that is squeezed have a vertex in common: one with a triangle, and two of its edges.
+const PAIRS: f32 = 3.0;
+
 impl Deformer {
     /// Changes the quality from the next step on. What was learned from the motion so far is kept. Bending that was softened
     /// ([`Warning::BendingLimited`]) is as stiff as the new quality allows, which adds energy to cloth that is bent. From one number of
@@ -171,7 +174,7 @@ impl Deformer {
         let is_crossed = |warning: &Warning| matches!(warning, Warning::Crossings { .. } | Warning::BodyCrossings { .. });
         let squeezed = self.engine.contact().map_or(0, |tally| tally.squeezed);
         // Fewer do not matter for the share of the area whose stretch is bounded.
-        let are_many = squeezed as f32 > (1.0 - strain_bound.share) * self.cloth.used as f32;
+        let are_many = squeezed as f32 > PAIRS * (1.0 - strain_bound.share) * self.cloth.used as f32;
         let causes = [(warnings.iter().any(is_crossed), Cause::Crossings), (are_many, Cause::Squeezed)];
         causes.into_iter().find_map(|(is, cause)| is.then_some(cause))
     }

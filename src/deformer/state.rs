@@ -117,8 +117,6 @@ impl Deformer {
         let mut p: Vec<Vec4> = cloth.order.iter().map(|&vertex| velocities[vertex as usize].extend(0.0)).collect();
         cloth.stop_loose(&mut p);
         self.state.motion = Motion::placed(cloth, x, &p);
-        let led = cloth.pinned.iter().map(|&pin| velocities[cloth.order[pin as usize] as usize]);
-        self.state.motion.pin_velocities = led.collect();
         self.state.watch = self.state.watch.placed(cloth, x, &p);
         self.engine.set(x, &p);
         self.flat_start = FlatStart::placed(x, &p, &self.cloth);

@@ -44,7 +44,7 @@ impl Deformer {
         self.state.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.state.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
         self.state.motion.course = rigid.vector(self.state.motion.course);
-        let course = self.state.motion.course_of_free(&self.cloth);
+        let course = self.state.motion.last_drift(&self.cloth);
         self.state.motion.placed = self.state.motion.placed.map(|_| Whereabouts::of(&x, &p, course));
         self.state.motion.colliders.clear();
         self.state.seen.iter_mut().for_each(|seen| seen.warp(&rigid));

@@ -123,7 +123,8 @@ pub enum Warning {
     PinOutruns {
         /// Its position in the list [`Options::pinned`](crate::Options::pinned).
         pin: usize,
-        /// Its speed (m/s), relative to the mean of the pins in the last step if the cloth goes along with that.
+        /// Its speed (m/s), relative to the mean of the pins in the last step if the cloth goes along with that, as it is taken to do where
+        /// strain is not measured.
         speed: f32,
         /// The highest speed (m/s) that the substeps can carry: one edge length per sweep, of which
         /// [`Method::Relaxation`](crate::Method::Relaxation) makes several in a substep.

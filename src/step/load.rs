@@ -67,9 +67,10 @@ impl Fastest {
     ) -> Fastest {
         let (drift, last_drift) = (motion.drift(cloth, attributes.pin_targets.as_deref(), dt as f32), motion.last_drift(cloth));
         let whereabouts = motion.whereabouts(seen).map(|of_cloth| of_cloth.along(last_drift * age + drift));
-        // The statistics count speeds relative to the drift.
+        // The statistics count speeds relative to the drift. Cloth of which nothing is known has come along by the next step.
+        let speed = seen.map(|seen| seen.speed_of(0.95)).or(motion.placed.map(|of_cloth| of_cloth.fastest));
         let common = last_drift.as_dvec3();
-        let goes_along = seen.is_some_and(|seen| f64::from(seen.speed_of(0.95)) < 0.5 * common.length());
+        let goes_along = speed.is_none_or(|speed| f64::from(speed) < 0.5 * common.length());
         let mut fastest = Fastest { drift, whereabouts, ..Fastest::default() };
         fastest.note_pins(cloth, motion, attributes, dt, if goes_along { common } else { DVec3::ZERO });
         fastest.note_colliders(cloth, motion, attributes, dt);

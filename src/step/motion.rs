@@ -76,7 +76,8 @@ impl Motion {
         let free = v.iter().zip(&cloth.rest).take(cloth.used).filter(|(_, rest)| rest.w > 0.0);
         let (sum, count) = free.fold((DVec3::ZERO, 0), |(sum, count), (v, _)| (sum + v.truncate().as_dvec3(), count + 1));
         motion.set_course((sum / f64::from(count.max(1))).as_vec3());
-        Motion { placed: Some(Whereabouts::of(x, v, motion.course_of_free(cloth))), ..motion }
+        motion.pin_velocities = cloth.pinned.iter().filter_map(|&pin| v.get(pin as usize)).map(|v| v.truncate()).collect();
+        Motion { placed: Some(Whereabouts::of(x, v, motion.last_drift(cloth))), ..motion }
     }
 
     /// The course (m/s) of cloth that no pins hold, otherwise 0.
