@@ -319,12 +319,25 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     return ContactPoint(n, before, after, step, 1.0);
 }
 
+// Of a half-space. While its normal turns, from n_0 to n in a substep, it moves at r from its point by (n_0 x n) x r besides.
+fn contact_plane(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint {
+    let r = x - (body.a + body.a_travel * substep.start);
+    var n = body.b;
+    var step = body.a_travel * params.fraction;
+    var before = dot(n, r);
+    if any(body.b_travel != vec3f()) {
+        let n_0 = normalize(body.b + body.b_travel * substep.start);
+        n = normalize(body.b + body.b_travel * (substep.start + params.fraction));
+        before = dot(n_0, r);
+        step += n * before - n_0 * dot(n, r);
+    }
+    return ContactPoint(n, before, before + dot(n, u - step), step, 1.0);
+}
+
 fn contact_body(path: Path, body: Body, substep: Substep) -> Path {
     var contact: ContactPoint;
     if body.kind == PLANE {
-        let step = body.a_travel * params.fraction;
-        let before = dot(body.b, path.x - (body.a + body.a_travel * substep.start));
-        contact = ContactPoint(body.b, before, before + dot(body.b, path.u - step), step, 1.0);
+        contact = contact_plane(path.x, path.u, body, substep);
     } else if body.kind == BOX {
         contact = contact_box(path.x, path.u, body, substep);
     } else {

@@ -26,6 +26,7 @@ on_every_backend!(
     what_two_bodies_squeeze_does_not_fall,
     a_hand_moves_the_cloth_that_it_presses_on_a_table,
     a_turning_table_carries_the_cloth,
+    a_rolling_deck_carries_the_cloth,
     a_step_of_no_time_does_nothing,
     nothing_tunnels,
     a_start_inside_is_freed_without_a_kick,
@@ -397,6 +398,29 @@ fn a_turning_table_carries_the_cloth(backend: Backend) {
         // The cloth slips slightly at each jump of the table's velocity, 2 mm in all; the table has turned by 41
         // degrees.
         assert!(off <= 4e-3, "{rest} is {off} m from its place on the table, which moved it by {}", goal.distance(*rest));
+    }
+}
+
+/// A deck that rolls like a ship's carries a towel, by friction, wherever on the plane the point is that it is given by: what is the same
+/// solid does the same.
+fn a_rolling_deck_carries_the_cloth(backend: Backend) {
+    for (far, quality) in [(0.0, Quality::default()), (100.0, Quality::default()), (30.0, Quality::Substeps(10))] {
+        let mut mesh = Mesh::grid(8, 8, 0.6, 0.6);
+        mesh.positions.iter_mut().for_each(|x| x.y = 1e-4);
+        let mut cloth = Deformer::new(&mesh, Options { backend, quality, ..Options::default() }).unwrap();
+        let turned = |frame: u32| Quat::from_rotation_z(0.1 * (0.785 * FRAME * frame as f32).sin());
+        let (mut off, mut most) = (0.0_f32, 0);
+        for frame in 0..240 {
+            let turn = turned(frame);
+            let deck = Collider::plane(turn * Vec3::new(far, 0.0, 0.0), turn * Vec3::Y).with_friction(0.6);
+            let report = cloth.step(FRAME, &Attributes { colliders: vec![deck], ..Attributes::default() }).unwrap();
+            most = report.substeps.max(most);
+            let lies =
+                cloth.positions().unwrap().iter().zip(&mesh.positions).map(|(x, rest)| (turn.inverse() * *x).distance(*rest));
+            off = lies.fold(off, f32::max);
+        }
+        assert!(off < 2e-3, "point {far} m away: {off} m from its place");
+        assert!(most <= 10, "point {far} m away: {most} substeps");
     }
 }
 

@@ -32,7 +32,7 @@ pub struct Attributes {
     /// `dv/dt = -damping (v - wind)`.
     pub damping: f32,
     /// Bodies that the cloth cannot enter. A collider that moved since the last step moves at constant velocity through
-    /// this step, and contact and friction take that velocity into account (only a plane's normal changes at once).
+    /// this step, and contact and friction take that velocity into account.
     /// Colliders are resolved in the order of the list, so a vertex that two squeeze may end up inside the first. It sticks to the
     /// one with more friction, whatever presses them together (between two with the same, it goes half of each way), unless it slips
     /// out between surfaces that meet at more than the angle of friction: so a gripper's fingers, which overlap a little, lift a

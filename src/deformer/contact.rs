@@ -80,7 +80,7 @@ impl Deformer {
         }
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             if now.shape.mesh().is_some() {
-                let way = travel(&now.shape, &last.shape, Vec3::ZERO);
+                let way = travel(&now.shape, &last.shape, Vec3::ZERO, None);
                 check(format_args!("colliders[{index}].mesh"), &"a vertex", way, "say that it was teleported")?;
             }
         }

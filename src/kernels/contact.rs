@@ -22,7 +22,7 @@ pub(crate) struct Body {
     pub a: [f32; 3],
     /// Round body: the radius at `a`. Box: the radius of its rounded edges, by which it extends beyond its core.
     pub radius: f32,
-    /// Plane: its unit normal. Round body: the other end of the axis. Box: the half extents of its core, along its own
+    /// Plane: its unit normal at the step's start. Round body: the other end of the axis. Box: the half extents of its core, along its own
     /// axes.
     pub b: [f32; 3],
     pub friction: f32,
@@ -30,7 +30,7 @@ pub(crate) struct Body {
     pub a_travel: [f32; 3],
     /// Change of `radius` over the step.
     pub radius_travel: f32,
-    /// Change of `b` over the step; 0 for a plane, whose normal is that at the step's end.
+    /// Change of `b` over the step.
     pub b_travel: [f32; 3],
     /// [`PLANE`], [`ROUND`] or [`BOX`].
     pub kind: u32,
@@ -127,12 +127,7 @@ pub(crate) fn contact_bodies<L: Lanes>(
 pub(crate) fn contact_body<L: Lanes>(path: Path<L>, body: &Body, substep: &Substep, params: &Params) -> Path<L> {
     let Path { x, u, .. } = path;
     let contact = match body.kind {
-        PLANE => {
-            let (a, a_step) = axis_end(body, substep, params);
-            let (n, step) = (Vector::splat(body.b), splat(a_step));
-            let before = n.dot(x - splat(a));
-            ContactPoint { n, before, after: before + n.dot(u - step), step, grip: L::splat(1.0) }
-        }
+        PLANE => contact_plane(x, u, body, substep, params),
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
     };
@@ -194,6 +189,22 @@ fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, friction: f32, h: 
 fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
     let travel = Vec3A::from(body.a_travel);
     (Vec3A::from(body.a) + travel * substep.start, travel * params.fraction)
+}
+
+/// Of a half-space. While its normal turns, from `n_0` to `n` in a substep, it moves at `r` from its point by `(n_0 x n) x r` besides.
+#[inline(always)]
+fn contact_plane<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
+    let (a, a_step) = axis_end(body, substep, params);
+    let (b, b_travel) = (Vec3A::from(body.b), Vec3A::from(body.b_travel));
+    let (r, mut n, mut step) = (x - splat(a), splat(b), splat(a_step));
+    let mut before = n.dot(r);
+    if b_travel != Vec3A::ZERO {
+        let [n_0, n_1] = [substep.start, substep.start + params.fraction].map(|time| splat((b + b_travel * time).normalize()));
+        before = n_0.dot(r);
+        step = step + n_1 * before - n_0 * n_1.dot(r);
+        n = n_1;
+    }
+    ContactPoint { n, before, after: before + n.dot(u - step), step, grip: L::splat(1.0) }
 }
 
 /// Of a sphere or a capsule.

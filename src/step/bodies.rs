@@ -8,6 +8,9 @@ use crate::attributes::{Collider, Shape};
 use crate::kernels::contact::{self, Body};
 use crate::model::cloth::Cloth;
 
+/// A plane whose normal turns by an angle with a smaller cosine in a step has its last normal at once.
+const LEAST_TURN_COSINE: f64 = 0.5;
+
 /// A collider as the kernels take it, in local coordinates, moving from `last` to `now` during the step. Round surfaces
 /// are enlarged by 1.2 times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between
 /// its ends.
@@ -36,14 +39,16 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
         };
     }
     match (shape, last) {
-        (Shape::Plane { point, normal }, Shape::Plane { point: from, .. }) => {
-            // Without friction only a plane's motion along its normal has an effect. A rotation of the plane is applied
-            // at once.
+        (Shape::Plane { point, normal }, Shape::Plane { point: from, normal: normal0 }) => {
+            let [first, to] = [normal0, normal].map(|normal| normal.as_dvec3().normalize());
+            // What turns farther in a step has no known way.
+            let first = if first.dot(to) < LEAST_TURN_COSINE { to } else { first };
             Body {
                 a: from.to_array(),
-                b: normal.as_dvec3().normalize().as_vec3().to_array(),
+                b: first.as_vec3().to_array(),
                 friction: now.friction,
                 a_travel: (point - from).to_array(),
+                b_travel: (to - first).as_vec3().to_array(),
                 kind: contact::PLANE,
                 ..Body::default()
             }

@@ -93,10 +93,11 @@ impl Fastest {
     /// Notes the colliders, given where the cloth may be.
     fn note_colliders(&mut self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) {
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
-            let way = travel(&now.shape, &last.shape, Vec3::ZERO);
+            let within = self.whereabouts.map(|of_cloth| of_cloth.bounds(cloth));
+            let way = travel(&now.shape, &last.shape, Vec3::ZERO, within);
             self.any_collider = self.any_collider.max(way / dt);
             // What goes along with the cloth, like the body of a runner in his cape, does not run into it.
-            let relative = if self.drift == Vec3::ZERO { way } else { travel(&now.shape, &last.shape, self.drift) };
+            let relative = if self.drift == Vec3::ZERO { way } else { travel(&now.shape, &last.shape, self.drift, within) };
             // Pins hold the cloth back from what is still; without any it runs into that on its course.
             let (speed, reach) = if cloth.has_pins() { (way.min(relative), way) } else { (relative, relative) };
             let speed = speed / dt;
@@ -206,7 +207,8 @@ fn still_pressure(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f
     }
     let is_same_kind = |(now, last): &(&Collider, &Collider)| discriminant(&now.shape) == discriminant(&last.shape);
     let near = motion.followed(&attributes.colliders).filter(is_same_kind).filter(|(now, last)| {
-        let travel = travel(&now.shape, &last.shape, fastest.drift);
+        let within = fastest.whereabouts.map(|of_cloth| of_cloth.bounds(cloth));
+        let travel = travel(&now.shape, &last.shape, fastest.drift, within);
         is_near(cloth, now, travel, f64::from(dt), fastest.whereabouts)
     });
     let velocities = near.map(|(now, last)| (now.landmarks()[0] - last.landmarks()[0]) / dt);
@@ -286,7 +288,7 @@ fn kinematic_speed(
     for (now, last) in motion.followed(&attributes.colliders) {
         if let (Some(to), Some(from)) = (now.shape.mesh(), last.shape.mesh()) {
             let moves = || from.positions.iter().zip(&to.positions).map(|(&from, &to)| [from, to - from]);
-            let relative = travel(&now.shape, &last.shape, course);
+            let relative = travel(&now.shape, &last.shape, course, None);
             if !is_near(cloth, now, relative + f64::from(thickness), f64::from(dt), whereabouts) {
                 continue;
             }
@@ -304,21 +306,26 @@ fn kinematic_speed(
 /// Age in steps that statistics may have on the GPU (three), and one step more until they are updated.
 pub(crate) const STEPS_AHEAD: f64 = 4.0;
 
-/// The largest displacement (m) of a point of the surface between `last` and `now`, relative to what moves `by` that much; 0 if
-/// the shapes are of different kinds.
-pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3) -> f64 {
+/// The largest displacement (m) of a point of the surface between `last` and `now`, relative to what moves `by` that much, if it is known
+/// `within` this box where the cloth is; 0 if the shapes are of different kinds. For what turns, the box matters.
+pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3, within: Option<[Vec3; 2]>) -> f64 {
     let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3() - by.as_dvec3();
     match (now, last) {
         // Motion within the plane only drags by friction, which does not push the cloth.
-        (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, .. }) => {
-            apart(point, p0).dot(normal.as_dvec3().normalize()).abs()
+        (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, normal: n0 }) => {
+            let [n0, n] = [n0, normal].map(|normal| normal.as_dvec3().normalize());
+            let [low, high] = within.unwrap_or([p0; 2]).map(|corner| corner.as_dvec3());
+            let turned = (n - n0).dot(0.5 * (low + high) - p0.as_dvec3()).abs() + (n - n0).abs().dot(0.5 * (high - low));
+            apart(point, p0).dot(n).abs() + turned
         }
         (&Shape::RoundedBox { center, half, rotation, .. }, &Shape::RoundedBox { center: c0, half: h0, rotation: q0, .. }) => {
             // A corner turned by an angle moves along a chord of `2 sin(angle/2)` times its distance; the quaternions
             // differ by `2 sin(angle/4)`.
             let [now, last] = [rotation, q0].map(|rotation| rotation.as_dquat().normalize());
             let turned = 2.0 * (now - last).length().min((now + last).length());
-            apart(center, c0).length() + (half.as_dvec3() - h0.as_dvec3()).length() + turned * half.max(h0).as_dvec3().length()
+            let farthest = |[low, high]: [Vec3; 2]| (high - c0).abs().max((low - c0).abs()).as_dvec3().length();
+            let lever = half.max(h0).as_dvec3().length().min(within.map_or(f64::INFINITY, farthest));
+            apart(center, c0).length() + (half.as_dvec3() - h0.as_dvec3()).length() + turned * lever
         }
         (Shape::Mesh { mesh }, Shape::Mesh { mesh: last }) => {
             let moves = mesh.positions.iter().zip(&last.positions).map(|(&to, &from)| (to - from - by).length_squared());

@@ -49,6 +49,11 @@ impl Whereabouts {
         Whereabouts { low, high, fastest: v.iter().map(|v| v.truncate().distance(course)).fold(0.0, f32::max) }
     }
 
+    /// The box in the caller's coordinates (m).
+    pub(crate) fn bounds(self, cloth: &Cloth) -> [Vec3; 2] {
+        [self.low + cloth.origin, self.high + cloth.origin]
+    }
+
     /// The box around the way of a cloth that moves by as much (m) as a whole.
     pub(crate) fn along(self, by: Vec3) -> Whereabouts {
         Whereabouts { low: self.low.min(self.low + by), high: self.high.max(self.high + by), ..self }

@@ -26,7 +26,7 @@ pub(crate) struct Clear {
 }
 
 impl Clear {
-    /// Clear nowhere, in places that are not used.
+    /// Clear nowhere: of a plane that turns, and in places that are not used.
     const NOWHERE: Clear = Clear { travel: 0.0, center: Vec3A::ZERO, reach: 0.0, normal: None };
 
     /// In any substep of a step.
@@ -39,6 +39,9 @@ impl Clear {
         let (a_travel, b_travel) = (Vec3A::from(body.a_travel), Vec3A::from(body.b_travel));
         let a = Vec3A::from(body.a) + a_travel * substep.start;
         let radius = body.radius.abs() + body.radius_travel.abs();
+        if body.kind == super::PLANE && b_travel != Vec3A::ZERO {
+            return Clear::NOWHERE;
+        }
         if body.kind == super::PLANE {
             let step = a_travel * fraction;
             return Clear { travel: f32::INFINITY, center: a, reach: 0.0, normal: Some((Vec3A::from(body.b), step)) };
