@@ -5,7 +5,6 @@ mod errors;
 pub(crate) mod fault;
 mod pipelines;
 pub(crate) mod reads;
-mod scopes;
 
 pub(crate) use pipelines::{Entry, Pipeline, Shader};
 
