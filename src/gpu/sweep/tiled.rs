@@ -185,7 +185,7 @@ impl Tiled {
 
     /// Encodes a substep, number `group` of [`PING_PONG`]. With bending, tiles always predict; otherwise unless the
     /// displacements are `predicted` already.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, group: usize, predicted: bool) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, group: usize, predicted: bool) {
         let predicted = usize::from(predicted && !self.bends()) * PING_PONG.len();
         self.stage.dispatch_workgroups(pass, group + predicted, &[], self.tiles.count);
     }
