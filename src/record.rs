@@ -152,26 +152,19 @@ impl<T: Recorded + Default> Recorded for VecDeque<T> {
     }
 }
 
-impl Recorded for Vec3 {
-    fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
-        self.as_mut().record(tape)
-    }
+macro_rules! recorded_vectors {
+    ($($vector:ty),*) => {$(
+        impl Recorded for $vector {
+            fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
+                let mut numbers = self.to_array();
+                numbers.record(tape)?;
+                *self = <$vector>::from_array(numbers);
+                Ok(())
+            }
+        }
+    )*};
 }
-
-impl Recorded for Quat {
-    fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
-        let mut numbers = self.to_array();
-        numbers.record(tape)?;
-        *self = Quat::from_array(numbers);
-        Ok(())
-    }
-}
-
-impl Recorded for Vec4 {
-    fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
-        self.as_mut().record(tape)
-    }
-}
+recorded_vectors!(Vec3, Vec4, Quat);
 
 /// 64-bit FNV-1a (Fowler, Noll and Vo; RFC 9923). Inputs of equal length that differ in a single byte always have
 /// different hashes.

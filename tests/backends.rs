@@ -39,18 +39,8 @@ fn scene(name: &'static str) -> Scene {
 /// One scene for each stage, and one with all of them.
 fn scenes() -> Vec<Scene> {
     let all = [
-        "gravity",
-        "damping",
-        "bending",
-        "bending damping",
-        "bending passes",
-        "damped passes",
-        "wind",
-        "springs",
-        "project",
-        "relax",
-        "sphere",
-        "plane",
+        "gravity", "damping", "bending", "bending damping", "bending passes", "damped passes", "wind", "springs", "project",
+        "relax", "sphere", "plane",
     ];
     let all = all.into_iter().chain(["capsule", "tapered", "box", "swept", "swept box", "pins", "tethers", "everything"]);
     all.map(|name| {

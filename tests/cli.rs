@@ -183,16 +183,7 @@ fn the_report_has_its_keys_in_order_and_finite_numbers() {
     // Checked in the text, because a parser may sort.
     let keys = ["adapter", "backend", "method", "vertices", "edges", "colours", "frames"];
     let row_keys = [
-        "frame",
-        "ms",
-        "substeps",
-        "mean_strain",
-        "max_strain",
-        "stretch_share",
-        "energy",
-        "penetration",
-        "contacts",
-        "warnings",
+        "frame", "ms", "substeps", "mean_strain", "max_strain", "stretch_share", "energy", "penetration", "contacts", "warnings",
     ];
     let places = |keys: &[&str], text: &str| -> Vec<usize> {
         keys.iter().map(|key| text.find(&format!("\"{key}\":")).unwrap_or_else(|| panic!("no {key} in {text}"))).collect()

@@ -1,5 +1,5 @@
-//! Contact of cloth with itself on the GPU, compared with the CPU: no frame has an intersection, distances and strains
-//! agree, and momentum is conserved. Results repeat bit for bit, also with little initial room for pairs and when
+//! Contact of cloth with itself on the GPU, compared with the CPU: no frame has an intersection, and distances and strains
+//! agree. Results repeat bit for bit, also with little initial room for pairs and when
 //! continuing from snapshots.
 #![cfg(feature = "gpu")]
 
@@ -9,12 +9,9 @@ use std::f32::consts::PI;
 use std::sync::Arc;
 
 use cloth_deformer::glam::{Quat, Vec3};
-use cloth_deformer::{
-    Attributes, Backend, Collider, Contact, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, StepError, Warning,
-};
-use common::contact_scene::{CLOTH, R, Scene, floor, fold};
+use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, StepError, Warning};
+use common::contact_scene::{R, Scene, floor, fold};
 use common::crossings::{closest, crossings};
-use common::energy::{masses, momenta};
 use common::shapes::{ball, jittered, sheets};
 use common::{FRAME, bits, device, play};
 
@@ -78,96 +75,6 @@ fn a_towel_falls_over_a_sphere() {
     let (apart, strain, _) = scene.compared(40);
     assert!(apart[0] > 0.5 * apart[1].min(f64::from(R)), "{apart:?} m apart");
     assert!(strain[0] < 1.2 * strain[1], "mean strains {strain:?}");
-}
-
-/// Levels, bending, wind, moving pins, a sphere, a capsule and a floor, in tiles and with a dispatch per color.
-#[test]
-fn whatever_else_the_scene_has() {
-    let bodies = [
-        Collider::sphere(Vec3::new(0.1, -0.4, 0.0), 0.2),
-        Collider::capsule(Vec3::new(-0.5, -0.7, 0.0), Vec3::new(0.5, -0.7, 0.0), 0.05),
-    ];
-    let floor = Collider::plane(Vec3::Y * -0.8, Vec3::Y);
-    let mut scene = Scene::new(jittered(Mesh::grid(20, 20, 1.0, 1.0), 5), 30, bodies.into_iter().chain([floor]).collect());
-    scene.options.pinned = vec![0, 19];
-    scene.options.levels = Levels::Count(9);
-    scene.attributes.wind = Vec3::new(1.0, 0.0, 2.0);
-    scene.attributes.air_density = 1.2;
-    for (method, substeps) in [(Method::SmallSteps, 30), (Method::Relaxation { iterations: 5 }, 20)] {
-        let options = Options { backend: Backend::Gpu, method, quality: Quality::Substeps(substeps), ..scene.options.clone() };
-        let mut deformer = Deformer::new(&scene.mesh, options).unwrap();
-        let mut attributes = scene.attributes.clone();
-        let mut contacts = 0;
-        for frame in 0..36 {
-            // The corners meet, so that the sheet folds.
-            let passed = frame as f32 / 36.0;
-            let led =
-                |pin: usize| scene.mesh.positions[pin] * (Vec3::ONE - passed * Vec3::X) + passed * Vec3::new(0.0, -0.5, 0.3);
-            attributes.pin_targets = Some([0, 19].map(led).to_vec());
-            contacts += deformer.step(FRAME, &attributes).unwrap().contacts;
-            let found = crossings(&scene.mesh, deformer.positions().unwrap());
-            assert!(found.is_empty(), "{method:?}, frame {frame}: {found:?}");
-        }
-        assert!(contacts > 0, "{method:?}: nothing touches");
-    }
-}
-
-/// Two sheets that collide without gravity conserve their momentum. In the second case they move by three times their
-/// thickness per substep, so truncation removes momentum, which must be returned; for joined sheets, which are one piece, also if
-/// there is a collider far away. In the last case they move by hundreds of thicknesses, which sums of impulses have no room for.
-#[test]
-fn two_sheets_collide() {
-    let floor = vec![Collider::plane(Vec3::Y * -9.0, Vec3::Y)];
-    let cases = [(1.0, 20, Vec::new()), (10.0, 8, Vec::new()), (10.0, 8, floor), (50.0, 3, Vec::new())];
-    for (speed, frames, colliders) in cases {
-        let mut mesh = jittered(sheets(2, 12, 0.5, 0.1), 6);
-        if !colliders.is_empty() {
-            mesh.triangles.push([0, 1, 144]);
-        }
-        let mut scene = Scene::new(mesh, 20, colliders);
-        if speed > 10.0 {
-            scene.options.quality = Quality::Substeps(5);
-            scene.options.contact = Some(Contact { thickness: 0.001, friction: 0.3 });
-        }
-        scene.options.fabric = Fabric { bending: 0.0, damping: 0.0, ..CLOTH };
-        scene.options.levels = Levels::Off;
-        scene.attributes.gravity = Vec3::ZERO;
-        let mut deformer = scene.on(Backend::Gpu);
-        let half = scene.mesh.positions.len() / 2;
-        let toward = |i: usize| if i < half { Vec3::Y } else { Vec3::new(0.3, -1.0, 0.0) };
-        let v: Vec<Vec3> = (0..2 * half).map(|i| speed * toward(i)).collect();
-        deformer.set_state(&scene.mesh.positions, &v).unwrap();
-        let masses = masses(&scene.mesh, CLOTH.density);
-        let (before, _) = momenta(&masses, &scene.mesh.positions, &v);
-        let scale: f64 = masses.iter().zip(&v).map(|(&m, v)| f64::from(m * v.length())).sum();
-        let (mut touched, mut last) = (false, 0.0);
-        for frame in 0..frames {
-            touched |= deformer.step(FRAME, &scene.attributes).unwrap().contacts > 0;
-            let (x, v) = (deformer.positions().unwrap().to_vec(), deformer.velocities().unwrap().to_vec());
-            let (momentum, _) = momenta(&masses, &x, &v);
-            last = (momentum - before).length() / scale;
-            assert!(last < 1e-6, "{speed} m/s, frame {frame}: momentum off by {last}");
-            assert_eq!(crossings(&scene.mesh, &x).len(), 0, "{speed} m/s, frame {frame}");
-        }
-        println!("{speed} m/s: momentum off by {last:e}");
-        assert!(touched, "they met");
-    }
-}
-
-/// A sheet that swings down from an edge keeps its speed with few substeps, in which vertices move by most of a cell.
-#[test]
-fn what_moves_fast_is_not_slowed_down_by_its_neighbors() {
-    let kinetic_energy = |contact: Option<Contact>| {
-        let mut scene = Scene::new(Mesh::grid(31, 31, 1.0, 1.0), 5, Vec::new());
-        scene.options.contact = contact;
-        scene.options.pinned = (0..31).collect();
-        let mut deformer = scene.on(Backend::Gpu);
-        (0..27).for_each(|_| _ = deformer.step(FRAME, &scene.attributes).unwrap());
-        deformer.measure().unwrap().kinetic_energy
-    };
-    let (without, with) = (kinetic_energy(None), kinetic_energy(Some(Contact::default())));
-    println!("{without} J without contact, {with} J with it");
-    assert!((with / without - 1.0).abs() < 1e-3, "{without} and {with} J");
 }
 
 /// Repeated after a reset, with room for hardly any pair at first, continued from a snapshot by another cloth, and with

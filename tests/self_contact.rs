@@ -27,9 +27,12 @@ on_every_backend!(
     sheets_pinned_close_to_each_other_hang_at_rest,
     sheets_that_start_in_one_another_part,
     tall_stacks_stand_with_few_substeps,
+    two_sheets_collide,
     two_sheets_on_a_collider_come_to_rest,
     what_jumps_out_of_a_collider_does_not_cross,
     what_crosses_where_pins_outrun_the_substeps_is_reported,
+    what_moves_fast_is_not_slowed_down_by_its_neighbors,
+    whatever_else_the_scene_has,
     where_nothing_touches_it_changes_no_bit
 );
 
@@ -224,8 +227,7 @@ fn a_towel_falls_over_a_sphere() {
 }
 
 /// Levels, bending, wind, moving pins, a sphere, a capsule and a floor, under each method and quality.
-#[test]
-fn whatever_else_the_scene_has() {
+fn whatever_else_the_scene_has(backend: Backend) {
     let bodies = [
         Collider::sphere(Vec3::new(0.1, -0.4, 0.0), 0.2),
         Collider::capsule(Vec3::new(-0.5, -0.7, 0.0), Vec3::new(0.5, -0.7, 0.0), 0.05),
@@ -237,7 +239,7 @@ fn whatever_else_the_scene_has() {
     scene.attributes.wind = Vec3::new(1.0, 0.0, 2.0);
     scene.attributes.air_density = 1.2;
     let with = |method, quality| {
-        let options = Options { method, quality, ..scene.options.clone() };
+        let options = Options { backend, method, quality, ..scene.options.clone() };
         let mut deformer = Deformer::new(&scene.mesh, options).unwrap();
         let mut attributes = scene.attributes.clone();
         let mut contacts = 0;
@@ -260,27 +262,31 @@ fn whatever_else_the_scene_has() {
 
 /// Two sheets collide without gravity. Their momentum is conserved and no energy is added. In the second case they move
 /// by three times their thickness per substep, and what truncation removes is returned; for joined sheets, which are one piece, also
-/// if there is a collider far away.
-#[test]
-fn two_sheets_collide() {
+/// if there is a collider far away. In the last case they move by hundreds of thicknesses, which sums of impulses on a GPU have no room for.
+fn two_sheets_collide(backend: Backend) {
     let floor = vec![Collider::plane(Vec3::Y * -9.0, Vec3::Y)];
-    for (speed, frames, colliders) in [(1.0, 30, Vec::new()), (10.0, 12, Vec::new()), (10.0, 12, floor)] {
+    let cases = [(1.0, 30, Vec::new()), (10.0, 12, Vec::new()), (10.0, 12, floor), (50.0, 3, Vec::new())];
+    for (speed, frames, colliders) in cases {
         let mut mesh = jittered(sheets(2, 12, 0.5, 0.1), 6);
         if !colliders.is_empty() {
             mesh.triangles.push([0, 1, 144]);
         }
-        let mut scene = Scene::new(mesh, 20, colliders);
+        let substeps: u32 = if speed > 10.0 { 5 } else { 20 };
+        let mut scene = Scene::new(mesh, substeps, colliders);
+        if speed > 10.0 {
+            scene.options.contact = Some(Contact { thickness: 0.001, friction: 0.3 });
+        }
         scene.options.fabric = Fabric { bending: 0.0, damping: 0.0, ..CLOTH };
         scene.options.levels = Levels::Off;
         scene.attributes.gravity = Vec3::ZERO;
-        let mut deformer = scene.deformer();
+        let mut deformer = scene.on(backend);
         let half = scene.mesh.positions.len() / 2;
         let toward = |i: usize| if i < half { Vec3::Y } else { Vec3::new(0.3, -1.0, 0.0) };
         let v: Vec<Vec3> = (0..2 * half).map(|i| speed * toward(i)).collect();
         deformer.set_state(&scene.mesh.positions, &v).unwrap();
         let masses = masses(&scene.mesh, CLOTH.density);
         let springs = reference::springs(&scene.mesh, f64::from(CLOTH.stretch));
-        let h = f64::from(FRAME) / 20.0;
+        let h = f64::from(FRAME) / f64::from(substeps);
         let springs = common::energy::resolved_at(h, &springs, &masses, &[]);
         let (before, _) = momenta(&masses, &scene.mesh.positions, &v);
         let start = energy(&springs, &masses, 0.0, h, &scene.mesh.positions, &v);
@@ -302,13 +308,12 @@ fn two_sheets_collide() {
 
 /// A sheet that swings down from an edge, and one that spins without gravity, keep their speed with few substeps, in which
 /// vertices move by most of a cell: what only moves along with the cloth around it is not held.
-#[test]
-fn what_moves_fast_is_not_slowed_down_by_its_neighbors() {
+fn what_moves_fast_is_not_slowed_down_by_its_neighbors(backend: Backend) {
     let kinetic_energy = |contact: Option<Contact>, spins: bool| {
         let mut scene = Scene::new(Mesh::grid(31, 31, 1.0, 1.0), 5, Vec::new());
         scene.options.contact = contact;
         scene.options.pinned = if spins { Vec::new() } else { (0..31).collect() };
-        let mut deformer = scene.deformer();
+        let mut deformer = scene.on(backend);
         if spins {
             scene.attributes.gravity = Vec3::ZERO;
             let spinning: Vec<Vec3> = scene.mesh.positions.iter().map(|x| (8.0 * Vec3::Y).cross(*x)).collect();

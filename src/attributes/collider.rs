@@ -1,5 +1,6 @@
 //! Bodies that the cloth cannot enter.
 
+use std::mem::discriminant;
 use std::sync::Arc;
 
 use glam::{DVec3, Quat, Vec3};
@@ -279,26 +280,20 @@ recorded!(Collider { shape, friction, id, teleported });
 
 impl Recorded for Shape {
     fn record(&mut self, tape: &mut Tape<'_>) -> Result<(), Unreadable> {
-        let mut kind = match self {
-            Shape::Sphere { .. } => 0_u8,
-            Shape::Plane { .. } => 1,
-            Shape::Capsule { .. } => 2,
-            Shape::TaperedCapsule { .. } => 3,
-            Shape::RoundedBox { .. } => 4,
-            Shape::Mesh { .. } => 5,
-        };
+        let (zero, rotation, radius) = (Vec3::ZERO, Quat::IDENTITY, 0.0);
+        // One of each kind. Their order is part of the format.
+        let kinds = [
+            Shape::Sphere { center: zero, radius },
+            Shape::Plane { point: zero, normal: zero },
+            Shape::Capsule { a: zero, b: zero, radius },
+            Shape::TaperedCapsule { a: zero, radius_a: radius, b: zero, radius_b: radius },
+            Shape::RoundedBox { center: zero, half: zero, rotation, radius },
+            Shape::Mesh { mesh: Arc::default() },
+        ];
+        let mut kind = kinds.iter().take_while(|kind| discriminant(*kind) != discriminant(self)).count() as u8;
         kind.record(tape)?;
         if let Tape::In(_) = tape {
-            let (zero, rotation, radius) = (Vec3::ZERO, Quat::IDENTITY, 0.0);
-            *self = match kind {
-                0 => Shape::Sphere { center: zero, radius },
-                1 => Shape::Plane { point: zero, normal: zero },
-                2 => Shape::Capsule { a: zero, b: zero, radius },
-                3 => Shape::TaperedCapsule { a: zero, radius_a: radius, b: zero, radius_b: radius },
-                4 => Shape::RoundedBox { center: zero, half: zero, rotation, radius },
-                5 => Shape::Mesh { mesh: Arc::default() },
-                _ => return Err(Unreadable),
-            };
+            *self = kinds.into_iter().nth(kind.into()).ok_or(Unreadable)?;
         }
         let parts: Vec<&mut dyn Recorded> = match self {
             Shape::Sphere { center, radius } => vec![center, radius],

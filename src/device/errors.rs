@@ -4,9 +4,8 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::device::fault::{GpuFault, Need};
+use crate::device::fault::{GpuFault, Need, scoped};
 use crate::device::pipelines::{PENDING, Pipeline};
-use crate::device::scopes::scoped;
 use crate::device::{Gpu, IN_BROWSER};
 
 thread_local! {

@@ -1,5 +1,7 @@
 //! Failures of a GPU device.
 
+use crate::device::IN_BROWSER;
+
 /// Why the GPU did not do what it was asked.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum GpuFault {
@@ -44,6 +46,17 @@ impl From<wgpu::Error> for GpuFault {
         let reason = error.to_string().replace('\n', " ");
         if is_memory { GpuFault::Memory(reason) } else { GpuFault::Other(reason) }
     }
+}
+
+/// Runs `work`, and returns with its result the error of the device that it caused on this thread, from wgpu's error scopes.
+pub(super) fn scoped<T>(device: &wgpu::Device, work: impl FnOnce() -> T) -> (T, Option<GpuFault>) {
+    let filters = [wgpu::ErrorFilter::Validation, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Internal];
+    let scopes = (!IN_BROWSER).then(|| filters.map(|filter| device.push_error_scope(filter)));
+    let result = work();
+    let errors = scopes.map_or([None, None, None], |[validation, memory, internal]| {
+        [pollster::block_on(internal.pop()), pollster::block_on(memory.pop()), pollster::block_on(validation.pop())]
+    });
+    (result, errors.into_iter().flatten().next().map(GpuFault::from))
 }
 
 #[cfg(test)]

@@ -5,11 +5,9 @@ mod errors;
 pub(crate) mod fault;
 mod pipelines;
 pub(crate) mod reads;
-mod scopes;
 
 pub(crate) use pipelines::{Entry, Pipeline, Shader};
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::device::fault::GpuFault;
@@ -29,47 +27,8 @@ struct Inner {
     pipelines: Pipelines,
 }
 
-/// The device that all Deformers share, unless the caller gives one.
-struct SharedDevice {
-    gpu: Gpu,
-    lost: Arc<AtomicBool>,
-}
-
 /// A browser runs GPU callbacks only between calls from JavaScript, so the crate can never wait for the device there.
 pub(crate) const IN_BROWSER: bool = cfg!(target_arch = "wasm32");
-
-impl SharedDevice {
-    fn request() -> Result<SharedDevice, GpuFault> {
-        if IN_BROWSER {
-            let reason = "a browser provides devices asynchronously; request one and pass it as Options::gpu";
-            return Err(GpuFault::other(reason));
-        }
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
-            wgpu::DeviceType::DiscreteGpu => 0,
-            wgpu::DeviceType::IntegratedGpu => 1,
-            wgpu::DeviceType::VirtualGpu => 2,
-            wgpu::DeviceType::Other => 3,
-            wgpu::DeviceType::Cpu => 4,
-        };
-        let best = adapters.into_iter().min_by_key(rank);
-        let adapter = best.ok_or_else(|| GpuFault::other("no adapter was found; install a Vulkan, Metal or DX12 driver"))?;
-        let descriptor = wgpu::DeviceDescriptor {
-            // Cloth of a million vertices needs bindings larger than wgpu's default of 128 MiB.
-            required_limits: adapter.limits(),
-            // Lets the hybrid use its mapped buffers without a copy.
-            required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
-            ..wgpu::DeviceDescriptor::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(GpuFault::other)?;
-        let lost = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&lost);
-        device.set_device_lost_callback(move |_, _| flag.store(true, Ordering::Relaxed));
-        let gpu = Gpu::new(device, queue, adapter.get_info().name);
-        Ok(SharedDevice { gpu, lost })
-    }
-}
 
 impl Gpu {
     /// Wraps a device and its queue; `name` is used in reports. A device with `wgpu::Limits::default()` suffices, except that
@@ -115,15 +74,41 @@ impl Gpu {
     /// The device is requested once per program and shared, because drivers limit the number of devices. It is
     /// requested again if it was lost.
     pub(crate) fn shared(software: bool) -> Result<Gpu, GpuFault> {
-        static FOUND: Mutex<Option<SharedDevice>> = Mutex::new(None);
+        static FOUND: Mutex<Option<Gpu>> = Mutex::new(None);
         let mut found = FOUND.lock().unwrap_or_else(PoisonError::into_inner);
-        if found.as_ref().is_none_or(|found| found.lost.load(Ordering::Relaxed)) {
-            *found = Some(SharedDevice::request()?);
+        let gpu = match found.take().filter(|gpu| !gpu.is_lost()) {
+            Some(gpu) => gpu,
+            None => Gpu::request()?,
+        };
+        *found = Some(gpu.clone());
+        if software || !gpu.is_software() { Ok(gpu) } else { Err(GpuFault::other("the only adapter is a software driver")) }
+    }
+
+    fn request() -> Result<Gpu, GpuFault> {
+        if IN_BROWSER {
+            let reason = "a browser provides devices asynchronously; request one and pass it as Options::gpu";
+            return Err(GpuFault::other(reason));
         }
-        match found.as_ref() {
-            Some(found) if software || !found.gpu.is_software() => Ok(found.gpu.clone()),
-            _ => Err(GpuFault::other("the only adapter is a software driver")),
-        }
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+        let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        let best = adapters.into_iter().min_by_key(rank);
+        let adapter = best.ok_or_else(|| GpuFault::other("no adapter was found; install a Vulkan, Metal or DX12 driver"))?;
+        let descriptor = wgpu::DeviceDescriptor {
+            // Cloth of a million vertices needs bindings larger than wgpu's default of 128 MiB.
+            required_limits: adapter.limits(),
+            // Lets the hybrid use its mapped buffers without a copy.
+            required_features: adapter.features() & wgpu::Features::MAPPABLE_PRIMARY_BUFFERS,
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(GpuFault::other)?;
+        Ok(Gpu::new(device, queue, adapter.get_info().name))
     }
 
     /// A command encoder.

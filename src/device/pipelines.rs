@@ -5,8 +5,7 @@ use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::device::fault::GpuFault;
-use crate::device::scopes::scoped;
+use crate::device::fault::{GpuFault, scoped};
 use crate::device::{Gpu, IN_BROWSER};
 
 /// Number of kernels that are kept although nothing uses them any more, since the next cloth is likely to use them again.

@@ -120,7 +120,7 @@ impl Bending {
     }
 
     /// Encodes the prediction from state `from`, and the bending forces.
-    pub(super) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, from: usize) {
+    pub(super) fn encode(&self, pass: &mut ComputePass, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
         let ((count, _), in_tiles) = &self.kernels[self.in_use];
         if let Some(InTiles { stage, tiles }) = in_tiles {

@@ -51,7 +51,7 @@ impl Commit {
     }
 
     /// Encodes the commit of state number `made`, and its check unless it is already `checked`.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, made: usize, cloth: &Cloth, checked: bool) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, made: usize, cloth: &Cloth, checked: bool) {
         let vertices = cloth.rest.len();
         if let (false, Some(check)) = (checked, &self.check) {
             let edges = cloth.swept().len().div_ceil(TURNS).max(FEWEST_CHECKED);

@@ -135,7 +135,7 @@ impl Forces {
     }
 
     /// Binds the parameters of one substep for the stages encoded next.
-    pub(crate) fn bind_substep(&self, pass: &mut ComputePass<'_>, substep: usize) {
+    pub(crate) fn bind_substep(&self, pass: &mut ComputePass, substep: usize) {
         self.uniforms.set(pass, 0, &slot(substep));
     }
 
@@ -145,7 +145,7 @@ impl Forces {
     }
 
     /// Encodes the forces of one substep that starts from state number `from`.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, from: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, plan: &Plan<'_>, from: usize) {
         let vertices = plan.cloth.rest.len();
         match self.bending.as_ref().filter(|_| plan.bending) {
             None => self.predict.dispatch(pass, from, &[], vertices + plan.pins.len()),

@@ -117,25 +117,21 @@ impl BindGroup {
     }
 
     /// Sets the bind group as number `index`.
-    pub(crate) fn set(&self, pass: &mut ComputePass<'_>, index: u32, offsets: &[u32]) {
+    pub(crate) fn set(&self, pass: &mut ComputePass, index: u32, offsets: &[u32]) {
         pass.pass.set_bind_group(index, &self.group, offsets);
     }
 }
 
-/// A compute pass that counts its dispatches.
-pub(crate) struct ComputePass<'a> {
-    pass: wgpu::ComputePass<'a>,
+/// A compute pass that counts its dispatches. It must be dropped before its encoder is used again.
+pub(crate) struct ComputePass {
+    pass: wgpu::ComputePass<'static>,
     pub dispatches: usize,
 }
 
-impl<'a> ComputePass<'a> {
-    pub(crate) fn new(encoder: &'a mut wgpu::CommandEncoder) -> ComputePass<'a> {
-        ComputePass { pass: encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), dispatches: 0 }
-    }
-
-    /// The same pass, which must be dropped before its encoder is used again.
-    pub(crate) fn forget_lifetime(self) -> ComputePass<'static> {
-        ComputePass { pass: self.pass.forget_lifetime(), dispatches: self.dispatches }
+impl ComputePass {
+    pub(crate) fn new(encoder: &mut wgpu::CommandEncoder) -> ComputePass {
+        let pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime();
+        ComputePass { pass, dispatches: 0 }
     }
 }
 
@@ -159,12 +155,12 @@ impl Stage {
     }
 
     /// Dispatches an invocation for each of `items` items, with the stage's group number `group`.
-    pub(crate) fn dispatch(&self, pass: &mut ComputePass<'_>, group: usize, offsets: &[u32], items: usize) {
+    pub(crate) fn dispatch(&self, pass: &mut ComputePass, group: usize, offsets: &[u32], items: usize) {
         self.dispatch_workgroups(pass, group, offsets, items.div_ceil(WORKGROUP));
     }
 
     /// Dispatches this many workgroups.
-    pub(crate) fn dispatch_workgroups(&self, pass: &mut ComputePass<'_>, group: usize, offsets: &[u32], count: usize) {
+    pub(crate) fn dispatch_workgroups(&self, pass: &mut ComputePass, group: usize, offsets: &[u32], count: usize) {
         let rows = count.div_ceil(MAX_GROUPS).max(1);
         pass.pass.set_pipeline(self.pipeline.get());
         self.groups[group].set(pass, 1, offsets);

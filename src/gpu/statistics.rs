@@ -58,7 +58,7 @@ impl Counter {
     }
 
     /// Encodes the statistics of the cloth's own state.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass) {
         self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MAX_WORKGROUPS));
     }
 

@@ -16,7 +16,7 @@ const PORTIONS: [usize; 2] = [8, 96];
 pub(crate) struct Submission<'a> {
     gpu: &'a Gpu,
     encoder: wgpu::CommandEncoder,
-    pass: ComputePass<'static>,
+    pass: ComputePass,
     /// Dispatches of the pass before the last group of [`Submission::group`], those of the group before, and those of earlier
     /// submissions.
     before: usize,
@@ -35,7 +35,7 @@ impl<'a> Submission<'a> {
     fn after(gpu: &'a Gpu, copies: impl FnOnce(&mut wgpu::CommandEncoder)) -> Submission<'a> {
         let mut encoder = gpu.encoder();
         copies(&mut encoder);
-        let pass = ComputePass::new(&mut encoder).forget_lifetime();
+        let pass = ComputePass::new(&mut encoder);
         Submission { gpu, encoder, pass, before: 0, last: 0, earlier: 0, most: [FIRST, LONGEST] }
     }
 
@@ -46,7 +46,7 @@ impl<'a> Submission<'a> {
 
     /// The pass, for a group of dispatches that must be in the same pass, about as many as those of the last group. Bindings
     /// may have to be set again.
-    pub(crate) fn group(&mut self) -> &mut ComputePass<'static> {
+    pub(crate) fn group(&mut self) -> &mut ComputePass {
         let [most, next] = self.most;
         if self.pass.dispatches > self.before {
             self.last = self.pass.dispatches - self.before;
@@ -62,7 +62,7 @@ impl<'a> Submission<'a> {
     }
 
     /// The pass, for a few more dispatches.
-    pub(crate) fn pass(&mut self) -> &mut ComputePass<'static> {
+    pub(crate) fn pass(&mut self) -> &mut ComputePass {
         &mut self.pass
     }
 

@@ -11,18 +11,17 @@ use glam::{DVec3, Vec3, Vec4};
 
 use crate::error::BuildError;
 use crate::kernels::spring::Spring;
-use crate::kernels::statistics::StrainGauge;
+use crate::kernels::statistics::{StrainGauge, WHOLE};
 use crate::kernels::wind::Panel;
 use crate::model::bending::Bending;
 use crate::model::checks::{check_mesh, check_options, check_thickness};
 use crate::model::csr::{Csr, distinct};
 use crate::model::extents::{Extents, extents};
-use crate::model::link::{Link, Visits};
+use crate::model::link::{Link, Visits, in_order, least_firm};
 use crate::model::links::{Links, Slivers, shortest, sort_by_color};
 use crate::model::masses::Weights;
 use crate::model::mesh::{EdgeIndex, Mesh, area_of, bounds, is_proper, sides, vertex_areas};
 use crate::model::shells::visits;
-use crate::model::strain_gauges::strain_gauges;
 use crate::model::tethers::{Hung, Tethers};
 use crate::model::vertex_order;
 use crate::model::winding::wind_alike;
@@ -330,9 +329,25 @@ impl Cloth {
         })
     }
 
-    /// The strain gauges; built when strain is measured.
+    /// The strain gauges, built when strain is measured: one on each swept edge that is firm and has a length, weighted by the area of
+    /// its triangles so that slivers count little. A thread has no area; its edges count with the area of a square, as they do for their
+    /// stiffness.
     pub(crate) fn gauges(&self) -> &[StrainGauge] {
-        self.gauges.get_or_init(|| strain_gauges(self.swept(), |link| self.has_length(link)))
+        self.gauges.get_or_init(|| {
+            let area = |link: &Link| link.shape / f64::from(link.scale) * f64::from(link.rest).powi(2);
+            let least = least_firm(self.swept());
+            // In the order of the vertices, so that measuring reads memory sequentially.
+            let held = in_order(self.swept()).filter(|link| link.is_firm(least) && self.has_length(link));
+            let held: Vec<_> = held.map(|link| (link, area(link))).collect();
+            let total: f64 = held.iter().map(|(_, area)| area).sum();
+            let weight = |area: f64| (area / total * f64::from(WHOLE)).round() as u32;
+            let gauge = |&(link, area): &(&Link, f64)| StrainGauge {
+                ends: link.ends,
+                inverse_rest: 1.0 / link.rest,
+                weight: weight(area),
+            };
+            held.iter().map(gauge).collect()
+        })
     }
 
     /// Whether an edge has a length at rest, of which its strain is a share.

@@ -14,7 +14,6 @@ pub(crate) mod links;
 mod masses;
 pub(crate) mod mesh;
 pub(crate) mod shells;
-pub(crate) mod strain_gauges;
 pub(crate) mod tethers;
 pub(crate) mod vertex_order;
 pub(crate) mod winding;

@@ -66,30 +66,8 @@ impl Choices<'_> {
 /// An OBJ file: the bytes themselves, or OBJ tokens selected by them.
 pub fn obj(data: &[u8]) {
     const WORDS: [&str; 24] = [
-        "v ",
-        "f ",
-        "vt ",
-        "vn ",
-        "o a\n",
-        "g b\n",
-        "\n",
-        " ",
-        "\\\n",
-        "#",
-        "/",
-        "//",
-        "-1",
-        "1",
-        "2",
-        "3",
-        "4",
-        "0",
-        ".5",
-        "1e39",
-        "nan",
-        "-",
-        "99999999999",
-        "\r\n",
+        "v ", "f ", "vt ", "vn ", "o a\n", "g b\n", "\n", " ", "\\\n", "#", "/", "//", "-1", "1", "2", "3", "4", "0", ".5",
+        "1e39", "nan", "-", "99999999999", "\r\n",
     ];
     let text = match data.split_first() {
         Some((first, rest)) if first % 4 > 0 => rest.iter().map(|&byte| WORDS[byte as usize % WORDS.len()]).collect(),

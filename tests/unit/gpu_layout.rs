@@ -7,25 +7,28 @@ use std::mem::offset_of;
 use naga::Literal;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use crate::contact::device::table::ContactParams;
+use crate::contact::constants::literals;
+use crate::contact::device::{self, table::ContactParams};
 use crate::gpu::contact::encode;
-use crate::gpu::contact::status::{self as contact, Listed, Status, Track};
+use crate::gpu::contact::status::{self, Listed, Status, Track};
 use crate::gpu::multigrid::{Average, Member};
-use crate::gpu::shaders;
-use crate::gpu::stage::{Batch, NONE, WORKGROUP};
-use crate::gpu::watch::{Defects, IN_TABLE, IN_TILES};
+use crate::gpu::stage::{self, Batch, WORKGROUP};
+use crate::gpu::sweep::forces_in_workgroup;
+use crate::gpu::watch::{self as gpu_watch, Defects};
+use crate::gpu::{shaders, slices};
 use crate::kernels::bending::{BendEntry, BendPass, BendRow};
-use crate::kernels::contact::{Body, rounded_box};
-use crate::kernels::distance::Edge;
+use crate::kernels::contact::{self, Body, rounded_box};
+use crate::kernels::distance::{self, Edge};
 use crate::kernels::follow::BoundVertex;
 use crate::kernels::integrate::Pin;
-use crate::kernels::limits::MAX_POSITION;
-use crate::kernels::params::{Params, Substep};
+use crate::kernels::params::{self, Params, Substep};
 use crate::kernels::spring::Spring;
 use crate::kernels::statistics::{self, Statistics, StrainGauge};
-use crate::kernels::tether::Tether;
+use crate::kernels::tether::{self, Tether};
 use crate::kernels::wind::Panel;
+use crate::kernels::{limits, watch as kernels_watch};
 use crate::model::csr::Span;
+use crate::step::{bending, watch as step_watch};
 
 /// The layout of a Rust struct.
 struct Layout {
@@ -91,109 +94,40 @@ fn modules() -> impl Iterator<Item = (&'static str, naga::Module)> {
 
 /// The constants that exist only in shaders.
 const ALONE: [&str; 37] = [
-    "MOMENT",
-    "COUPLE",
-    "CURVATURE",
-    "CHANGE",
-    "TRIAL",
-    "RESISTED",
-    "MOST",
-    "SOON",
-    "ROUNDING_MARGIN",
-    "MIN_DISTANCE",
-    "MIN_MARGIN_SHARE",
-    "MEAN",
-    "ASIDE",
-    "PLACES",
-    "PROBES",
-    "WEIGHT",
-    "LEADER",
-    "IMPULSE",
-    "PUSHED",
-    "SQUARES",
-    "BEYOND",
-    "CUT",
-    "FAR",
-    "UNIT_WEIGHT",
-    "UNIT_LENGTH",
-    "UNIT_BEYOND",
-    "LANES",
-    "MAX_PAIRS",
-    "LEAF_PAIRS",
-    "CANDIDATES",
-    "VERTEX",
-    "TRIANGLE",
-    "EDGE",
-    "HELD",
-    "LEVELS",
-    "MET",
-    "MAX_MET",
+    "MOMENT", "COUPLE", "CURVATURE", "CHANGE", "TRIAL", "RESISTED", "MOST", "SOON", "ROUNDING_MARGIN", "MIN_DISTANCE",
+    "MIN_MARGIN_SHARE", "MEAN", "ASIDE", "PLACES", "PROBES", "WEIGHT", "LEADER", "IMPULSE", "PUSHED", "SQUARES", "BEYOND", "CUT",
+    "FAR", "UNIT_WEIGHT", "UNIT_LENGTH", "UNIT_BEYOND", "LANES", "MAX_PAIRS", "LEAF_PAIRS", "CANDIDATES", "VERTEX", "TRIANGLE",
+    "EDGE", "HELD", "LEVELS", "MET", "MAX_MET",
 ];
 
 /// The constants that shaders and Rust have in common, by their names in the shaders.
 fn constants() -> Vec<(&'static str, Literal)> {
-    let mut all = vec![
-        ("TURN_GUARD", Literal::F32(crate::kernels::distance::TURN_GUARD)),
-        ("PULL_COARSE", Literal::U32(crate::kernels::params::PULL_COARSE)),
-        ("HOLD_COARSE", Literal::U32(crate::kernels::params::HOLD_COARSE)),
-        ("PROJECT_COARSE", Literal::U32(crate::kernels::params::PROJECT_COARSE)),
-        ("TAUT_BAND", Literal::F32(crate::kernels::distance::TAUT_BAND)),
-        ("STRETCH_GUARD", Literal::F32(crate::kernels::distance::STRETCH_GUARD)),
-        ("MIN_LENGTH", Literal::F32(crate::kernels::distance::MIN_LENGTH)),
-        ("TETHER_TURN_GUARD", Literal::F32(crate::kernels::tether::TETHER_TURN_GUARD)),
-        ("TETHER_SHORT_GUARD", Literal::F32(crate::kernels::tether::TETHER_SHORT_GUARD)),
-        ("DEPENETRATION", Literal::F32(crate::kernels::contact::DEPENETRATION)),
-        ("INSIDE", Literal::F32(crate::kernels::contact::INSIDE)),
-        ("SWEPT", Literal::F32(crate::kernels::contact::SWEPT)),
-        ("SWEEP_STEPS", Literal::U32(crate::kernels::contact::SWEEP_STEPS)),
-        ("TOUCHING", Literal::F32(crate::kernels::contact::TOUCHING)),
-        ("ROUNDING", Literal::F32(rounded_box::ROUNDING)),
-        ("PRESSED", Literal::F32(rounded_box::PRESSED)),
-        ("WAS_OUTSIDE", Literal::F32(rounded_box::WAS_OUTSIDE)),
-        ("SLID", Literal::F32(rounded_box::SLID)),
-        ("CARRIES", Literal::F32(rounded_box::CARRIES)),
-        ("BOX", Literal::U32(crate::kernels::contact::BOX)),
-        ("PLANE", Literal::U32(crate::kernels::contact::PLANE)),
-        ("MAX_POSITION", Literal::F32(MAX_POSITION)),
-        ("WORKGROUP", Literal::U32(WORKGROUP as u32)),
-        ("SLICE", Literal::U32(crate::gpu::slices::SLICE as u32)),
-        ("MAX_PASSES", Literal::U32(crate::step::bending::MAX_PASSES as u32)),
-        ("BEND_VECTORS", Literal::U32(crate::gpu::sweep::forces_in_workgroup::BEND_VECTORS as u32)),
-        ("NONE", Literal::U32(NONE)),
-        ("CLASSES", Literal::U32(statistics::CLASSES as u32)),
-        ("BITS", Literal::U32(statistics::BITS)),
-        ("MIN_STRETCH", Literal::F32(statistics::MIN_STRETCH)),
-        ("MIN_SPEED", Literal::F32(statistics::MIN_SPEED)),
-        ("WHOLE", Literal::U32(statistics::WHOLE)),
-        ("ONE", Literal::F32(statistics::ONE)),
-        ("MAX_STRETCH", Literal::F32(statistics::MAX_STRETCH)),
-        ("SLOW", Literal::F32(statistics::SLOW)),
-        ("SLOW_PARTS", Literal::F32(statistics::SLOW_PARTS)),
-        ("CRUSHED", Literal::F32(statistics::CRUSHED)),
-        ("IN_TABLE", Literal::U32(IN_TABLE)),
-        ("IN_TILES", Literal::U32(IN_TILES)),
-        ("MAX_SQUARE", Literal::F32(crate::kernels::watch::MAX_SQUARE)),
+    let mut all = literals! {
+        U32 bending: MAX_PASSES;
+        F32 contact: DEPENETRATION, INSIDE, SWEPT, TOUCHING;
+        U32 contact: SWEEP_STEPS, BOX, PLANE;
+        U32 device: MARK;
+        F32 distance: TURN_GUARD, TAUT_BAND, STRETCH_GUARD, MIN_LENGTH;
+        U32 encode: COMPARERS, MEASURERS, FINDERS, BOUNDERS;
+        U32 forces_in_workgroup: BEND_VECTORS;
+        U32 gpu_watch: IN_TABLE, IN_TILES;
+        F32 kernels_watch: MAX_SQUARE;
+        F32 limits: MAX_POSITION;
+        U32 params: PULL_COARSE, HOLD_COARSE, PROJECT_COARSE;
+        F32 rounded_box: ROUNDING, PRESSED, WAS_OUTSIDE, SLID, CARRIES;
+        U32 slices: SLICE;
+        U32 stage: WORKGROUP, NONE;
+        F32 statistics: MIN_STRETCH, MIN_SPEED, ONE, MAX_STRETCH, SLOW, SLOW_PARTS, CRUSHED;
+        U32 statistics: CLASSES, BITS, WHOLE;
+        U32 status: NO_ROOM, CROWDED, EARLY, CLOSE, RUN_OVER, SUMS, PARTS, FIRST_LEVEL, PINCHED, DRIFTED;
+        U32 step_watch: FEWEST_CHECKED, TURNS;
+        F32 tether: TETHER_TURN_GUARD, TETHER_SHORT_GUARD;
+    };
+    all.extend([
         ("ALL_ENERGY", Literal::U32(1 << 24)),
-        ("FEWEST_CHECKED", Literal::U32(crate::step::watch::FEWEST_CHECKED as u32)),
-        ("TURNS", Literal::U32(crate::step::watch::TURNS as u32)),
-        ("NO_ROOM", Literal::U32(contact::NO_ROOM)),
         ("NOT_FINITE", Literal::U32(2)),
-        ("CROWDED", Literal::U32(contact::CROWDED)),
-        ("EARLY", Literal::U32(contact::EARLY)),
-        ("CLOSE", Literal::U32(contact::CLOSE)),
-        ("RUN_OVER", Literal::U32(contact::RUN_OVER)),
-        ("SUMS", Literal::U32(contact::SUMS as u32)),
-        ("SHARE", Literal::U32(contact::SUMS as u32 - 1)),
-        ("PARTS", Literal::U32(contact::PARTS as u32)),
-        ("COMPARERS", Literal::U32(encode::COMPARERS as u32)),
-        ("MEASURERS", Literal::U32(encode::MEASURERS as u32)),
-        ("FINDERS", Literal::U32(encode::FINDERS as u32)),
-        ("BOUNDERS", Literal::U32(encode::BOUNDERS as u32)),
-        ("FIRST_LEVEL", Literal::U32(contact::FIRST_LEVEL)),
-        ("PINCHED", Literal::U32(contact::PINCHED as u32)),
-        ("DRIFTED", Literal::U32(contact::DRIFTED as u32)),
-        ("MARK", Literal::U32(crate::contact::device::MARK)),
-    ];
+        ("SHARE", Literal::U32(status::SUMS as u32 - 1)),
+    ]);
     all.extend(crate::contact::constants::in_shaders());
     all
 }
@@ -235,50 +169,13 @@ fn shared_structs_agree_member_for_member() {
             let (Some(name), naga::TypeInner::Struct { members, span }) = (&shape.name, &shape.inner) else { continue };
             // These structs exist only in shaders.
             let alone = [
-                "Invocation",
-                "Workgroup",
-                "Path",
-                "Touch",
-                "Gap",
-                "ContactPoint",
-                "BoxEnd",
-                "Entry",
-                "Moment",
-                "Ring",
-                "Spin",
-                "StoredEdge",
-                "ColoredEdges",
-                "Descent",
-                "FourColors",
-                "Aggregates",
-                "Entries",
-                "Fetched",
-                "FourEntries",
-                "Share",
-                "Item",
+                "Invocation", "Workgroup", "Path", "Touch", "Gap", "ContactPoint", "BoxEnd", "Entry", "Moment", "Ring", "Spin",
+                "StoredEdge", "ColoredEdges", "Descent", "FourColors", "Aggregates", "Entries", "Fetched", "FourEntries",
+                "Share", "Item",
             ];
             let of_contact = [
-                "Four",
-                "Plane",
-                "Held",
-                "Multipliers",
-                "Near",
-                "Proximity",
-                "Vertex",
-                "Node",
-                "Tree",
-                "Part",
-                "ContactState",
-                "Place",
-                "Box",
-                "StoredBox",
-                "Normals",
-                "Closest",
-                "Features",
-                "Leaf",
-                "Comparison",
-                "Reached",
-                "Passed",
+                "Four", "Plane", "Held", "Multipliers", "Near", "Proximity", "Vertex", "Node", "Tree", "Part", "ContactState",
+                "Place", "Box", "StoredBox", "Normals", "Closest", "Features", "Leaf", "Comparison", "Reached", "Passed",
                 "RunOver",
             ];
             // naga's own names begin with underscores.

@@ -27,7 +27,7 @@ const GLANCED: usize = 16_384;
 impl GpuContact {
     /// Encodes contact in substep number `index` after its sweep; `group` is an index of
     /// [`crate::gpu::state::PING_PONG`].
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, index: usize, group: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, plan: &Plan<'_>, index: usize, group: usize) {
         let Some(stages) = &self.stages else { return };
         let (may_detect, response) = (self.choice.may_detect(index), self.choice.response);
         let vertices = self.params.vertices as usize;
@@ -62,7 +62,7 @@ impl GpuContact {
         (2 * before as usize).clamp(MIN_ITEMS, self.room.clamp(MIN_ITEMS, MAX_ITEMS))
     }
 
-    fn encode_detection(&self, stages: &Stages, pass: &mut ComputePass<'_>, group: usize) {
+    fn encode_detection(&self, stages: &Stages, pass: &mut ComputePass, group: usize) {
         let ContactParams { all_vertices, depth, mesh_depth, mesh_leaves, features, .. } = self.params;
         stages.begin_paths.dispatch(pass, group, &[], all_vertices as usize);
         stages.prepare.dispatch(pass, group, &[], self.params.boxes().max(self.items(self.status.listed)));
@@ -79,7 +79,7 @@ impl GpuContact {
         stages.measure.dispatch_workgroups(pass, group, &[], measured.div_ceil(MEASURERS));
     }
 
-    fn encode_response(&self, stages: &Stages, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+    fn encode_response(&self, stages: &Stages, pass: &mut ComputePass, plan: &Plan<'_>, group: usize) {
         let vertices = self.params.vertices as usize;
         stages.find.dispatch_workgroups(pass, group, &[], self.items(self.status.listed).div_ceil(FINDERS));
         let items = self.items(self.status.near + self.status.acting);
@@ -92,7 +92,7 @@ impl GpuContact {
             let apply_impulses = if iteration < iterations { &stages.apply_impulses } else { &stages.apply_impulses_last };
             apply_impulses.dispatch(pass, group, &[], vertices);
         }
-        let truncate = |pass: &mut ComputePass<'_>, [first, next, last, finish]: &[Stage; 4]| {
+        let truncate = |pass: &mut ComputePass, [first, next, last, finish]: &[Stage; 4]| {
             [first, next, last].into_iter().for_each(|round| round.dispatch(pass, group, &[], items));
             finish.dispatch(pass, group, &[], vertices);
         };

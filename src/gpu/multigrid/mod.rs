@@ -140,13 +140,13 @@ impl Multigrid {
 
     /// Encodes the averages of the finest level over the displacements that the forces of substep number `group` of
     /// [`PING_PONG`] predict.
-    pub(crate) fn encode_averages(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+    pub(crate) fn encode_averages(&self, pass: &mut ComputePass, plan: &Plan<'_>, group: usize) {
         let predicted = plan.params.predicted as usize * PING_PONG.len();
         self.restrict_vertices.dispatch(pass, group + predicted, &slot(0), EACH[0] * self.starts[1]);
     }
 
     /// Encodes the corrections that follow from the averages of the finest level.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, plan: &Plan<'_>) {
         let count = |level: usize| self.starts[level + 1] - self.starts[level];
         let levels = plan.params.levels as usize;
         let averaged = match &self.sweep {
@@ -163,7 +163,7 @@ impl Multigrid {
     }
 
     /// Encodes adding the correction to the vertices, if the sweep does not do that itself.
-    pub(crate) fn encode_correct(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>) {
+    pub(crate) fn encode_correct(&self, pass: &mut ComputePass, plan: &Plan<'_>) {
         if let LevelSweep::PerColor(per_color) = &self.sweep {
             per_color.encode_correct(pass, plan.cloth.rest.len());
         }

@@ -74,7 +74,7 @@ impl LevelsPerColor {
     }
 
     /// Encodes the sweeps of this many levels, the coarsest first: some of them several times if they are `repeated`.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize, repeated: bool) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, levels: usize, repeated: bool) {
         let count = |level: usize| self.aggregates[level].count as usize;
         for level in (0..levels).rev() {
             let arrive = if level + 1 == levels { &self.begin } else { &self.prolongate };
@@ -89,7 +89,7 @@ impl LevelsPerColor {
     }
 
     /// Encodes adding the finest level's correction to the vertices.
-    pub(crate) fn encode_correct(&self, pass: &mut ComputePass<'_>, vertices: usize) {
+    pub(crate) fn encode_correct(&self, pass: &mut ComputePass, vertices: usize) {
         self.correct.dispatch(pass, 0, &slot(0), vertices);
     }
 }

@@ -83,7 +83,7 @@ impl TiledLevels {
     }
 
     /// Encodes the sweeps of this many levels, the coarsest first.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, levels: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, levels: usize) {
         if let Some((_, _, stage)) = self.in_workgroup.as_ref().filter(|_| levels > self.in_tiles.len()) {
             stage.dispatch_workgroups(pass, 0, &[], 1);
         }

@@ -2,7 +2,6 @@
 //! result.
 
 pub(crate) mod forces_in_workgroup;
-mod level;
 mod per_color;
 mod rings;
 mod single_workgroup;

@@ -62,7 +62,7 @@ impl PerColor {
     }
 
     /// Encodes the sweeps and contact of a substep, number `group` of [`crate::gpu::state::PING_PONG`].
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, plan: &Plan<'_>, group: usize) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, plan: &Plan<'_>, group: usize) {
         for _ in 0..plan.params.sweeps {
             for (color, batch) in self.colors.iter().enumerate() {
                 self.project.dispatch(pass, group, &slot(color), batch.count as usize);

@@ -129,7 +129,7 @@ impl SingleWorkgroup {
     }
 
     /// Encodes the dispatch of a step.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass) {
         self.stage.dispatch_workgroups(pass, 0, &[], 1);
     }
 }

@@ -9,10 +9,9 @@ use crate::gpu::multigrid::Multigrid;
 use crate::gpu::shaders;
 use crate::gpu::stage::{Bind, ComputePass, NONE, Sent, Stage, lanes};
 use crate::gpu::state::{PING_PONG, StateBuffers, groups};
-use crate::gpu::sweep::level::with_level;
 use crate::gpu::sweep::rings::{Rings, with_rings};
 use crate::gpu::tethers;
-use crate::gpu::tiles::Tiles;
+use crate::gpu::tiles::{IN_LEVEL_TILE, Tiles};
 use crate::kernels::integrate::Pin;
 use crate::model::cloth::Cloth;
 use crate::model::csr::distinct;
@@ -186,7 +185,7 @@ impl Tiled {
 
     /// Encodes a substep, number `group` of [`PING_PONG`]. With bending, tiles always predict; otherwise unless the
     /// displacements are `predicted` already.
-    pub(crate) fn encode(&self, pass: &mut ComputePass<'_>, group: usize, predicted: bool) {
+    pub(crate) fn encode(&self, pass: &mut ComputePass, group: usize, predicted: bool) {
         let predicted = usize::from(predicted && !self.bends()) * PING_PONG.len();
         self.stage.dispatch_workgroups(pass, group + predicted, &[], self.tiles.count);
     }
@@ -197,4 +196,24 @@ fn index_of_pins(cloth: &Cloth) -> Vec<u32> {
     let mut index = vec![NONE; cloth.rest.len()];
     distinct(cloth.pinned.clone()).iter().zip(0..).for_each(|(&vertex, k)| index[vertex as usize] = k);
     index
+}
+
+/// For each tile one of the level, whose own aggregates are those of the tile's vertices; and the tiles with their vertices'
+/// aggregates by their places in it. `None` if some tile would have no room, or more vertices than a workgroup has
+/// invocations.
+fn with_level(gpu: &Gpu, tiles: &Tiles, level: &Level) -> Option<(Tiles, Tiles)> {
+    let lists: Vec<&[u32]> = tiles.lists().collect();
+    let aggregates = |list: &&[u32]| distinct(list.iter().map(|&vertex| level.label[vertex as usize]).collect());
+    let own: Vec<Vec<u32>> = lists.iter().map(aggregates).collect();
+    let room = gpu.workgroup_memory() / IN_LEVEL_TILE;
+    let of_level = Tiles::around(&own, level.inverse_mass.len(), &level.links, &level.colors, room)?;
+    let invocations = lanes(gpu, tiles.largest);
+    let fits = tiles.largest <= invocations.min(room) && tiles.bytes() + of_level.bytes() <= gpu.most_table_bytes();
+    fits.then(|| {
+        // Vertices and aggregates are held in the same memory, one after the other.
+        let room = tiles.largest.max(of_level.largest);
+        let mut tiles = tiles.with_lists(&lists, room);
+        tiles.set_places(&level.label, &of_level);
+        (tiles, of_level)
+    })
 }
