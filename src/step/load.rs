@@ -315,8 +315,8 @@ pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3, within: Option<[Vec3; 
         (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, normal: n0 }) => {
             let [n0, n] = [n0, normal].map(|normal| normal.as_dvec3().normalize());
             let [low, high] = within.unwrap_or([p0; 2]).map(|corner| corner.as_dvec3());
-            let turned = (n - n0).dot(0.5 * (low + high) - p0.as_dvec3()).abs() + (n - n0).abs().dot(0.5 * (high - low));
-            apart(point, p0).dot(n).abs() + turned
+            let rise = apart(point, p0).dot(n) - (n - n0).dot(0.5 * (low + high) - p0.as_dvec3());
+            rise.abs() + (n - n0).abs().dot(0.5 * (high - low))
         }
         (&Shape::RoundedBox { center, half, rotation, .. }, &Shape::RoundedBox { center: c0, half: h0, rotation: q0, .. }) => {
             // A corner turned by an angle moves along a chord of `2 sin(angle/2)` times its distance; the quaternions
