@@ -319,7 +319,8 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     return ContactPoint(n, before, after, step, 1.0);
 }
 
-// Of a half-space. While its normal turns, from n_0 to n in a substep, it moves at r from its point by (n_0 x n) x r besides.
+// Of a half-space. While its normal turns, from n_0 to n in a substep, it moves at r from its point by (n_0 x n) x r besides, where r is
+// halfway.
 fn contact_plane(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint {
     let r = x - (body.a + body.a_travel * substep.start);
     var n = body.b;
@@ -329,7 +330,8 @@ fn contact_plane(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
         let n_0 = normalize(body.b + body.b_travel * substep.start);
         n = normalize(body.b + body.b_travel * (substep.start + params.fraction));
         before = dot(n_0, r);
-        step += n * before - n_0 * dot(n, r);
+        let axis = cross(n_0, n);
+        step += cross(axis, r + 0.5 * cross(axis, r));
     }
     return ContactPoint(n, before, before + dot(n, u - step), step, 1.0);
 }

@@ -1,16 +1,16 @@
 //! When pairs are listed: anew for all vertices, or around those that strayed from their paths; and what is not listed, because
 //! it crosses.
 
-use glam::{DVec3, Vec3A, Vec4};
+use glam::{Vec3A, Vec4};
 
+use super::TriangleContact;
 use super::crossings::known::{KnownCrossings, Posed};
 use super::detection::DetectionInput;
 use super::detection::paths::{Last, Paths};
 use super::detection::tree::DetectionScope;
-use super::input::{Path, SubstepContext};
+use super::input::Path;
 use super::surface::Surface;
 use super::workers::Workers;
-use super::{TriangleContact, floats};
 use crate::kernels::integrate::xyz;
 use crate::simd::Width;
 
@@ -30,25 +30,6 @@ impl TriangleContact {
                 paths.end();
             }
         }
-    }
-
-    /// Keeps vertices close to their paths that press against what has kept them there, see [`Paths::rein_in`]. Returns the momentum
-    /// (kg m) that this removes.
-    pub(crate) fn rein_in(&mut self, context: SubstepContext<'_>, x: &[Vec4], u: &mut [Vec4]) -> DVec3 {
-        let SubstepContext { plan, workers, width, .. } = context;
-        let (cloth, floats) = (..self.bodies.first, floats(plan));
-        let path = Path { x: &x[cloth], u: &u[cloth], margin: &[], workers };
-        if self.paths.since.is_none() || self.paths.are_followed(path, floats, width) {
-            return DVec3::ZERO;
-        }
-        self.contacts.store_multipliers(&mut self.lists, workers);
-        self.detection.mark_pressed(&self.lists, x);
-        let mut lost = DVec3::ZERO;
-        for (vertex, by) in self.paths.rein_in(path, &self.detection.pressed, floats) {
-            lost += by.as_dvec3() * f64::from(plan.cloth.mass[vertex]);
-            u[vertex] -= by.extend(0.0);
-        }
-        lost
     }
 
     /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are

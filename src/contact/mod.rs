@@ -228,13 +228,12 @@ impl TriangleContact {
         let common_motion = self.bodies.common_motion(plan, x, u, self.surface.thickness);
         let covers = plan.listing == Listing::EveryStop;
         let (by, margin) = if covers { self.ways(plan, x, u, common_motion) } else { Default::default() };
-        let reined_in = if covers { DVec3::ZERO } else { self.rein_in(context, x, u) };
         let by = if covers { &by } else { &*u };
         if !self.list(context, Path { x, u: by, margin: &margin, workers }, floats(plan)) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
-        if self.tally.listed == 0 || !self.hold_apart(context, x, u, common_motion, reined_in) {
+        if self.tally.listed == 0 || !self.hold_apart(context, x, u, common_motion) {
             let push = self.push.of_vertices();
             x.iter_mut().zip(push).for_each(|(x, push)| *x += push.truncate().extend(0.0));
         }
@@ -287,7 +286,6 @@ impl TriangleContact {
         x: &mut [Vec4],
         u: &mut [Vec4],
         common_motion: Option<CommonMotion>,
-        reined_in: DVec3,
     ) -> bool {
         let SubstepContext { plan, workers, .. } = context;
         let workers = workers.for_items(self.tally.listed as usize, PAIRS_OF_THREAD);
@@ -329,7 +327,6 @@ impl TriangleContact {
             let cloth = ..self.bodies.first;
             let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
             self.crossings.drifted.extend(self.contacts.finish([x, u], push, drift, workers));
-            let lost = lost + reined_in;
             if lost != DVec3::ZERO && returns_momentum(plan, &self.bodies) {
                 momentum::give_back(plan.cloth, lost, u, workers);
             }

@@ -191,7 +191,8 @@ fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
     (Vec3A::from(body.a) + travel * substep.start, travel * params.fraction)
 }
 
-/// Of a half-space. While its normal turns, from `n_0` to `n` in a substep, it moves at `r` from its point by `(n_0 x n) x r` besides.
+/// Of a half-space. While its normal turns, from `n_0` to `n` in a substep, it moves at `r` from its point by `(n_0 x n) x r` besides, where
+/// `r` is halfway: toward its start, what it carries would creep outward.
 #[inline(always)]
 fn contact_plane<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
     let (a, a_step) = axis_end(body, substep, params);
@@ -201,7 +202,8 @@ fn contact_plane<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Su
     if b_travel != Vec3A::ZERO {
         let [n_0, n_1] = [substep.start, substep.start + params.fraction].map(|time| splat((b + b_travel * time).normalize()));
         before = n_0.dot(r);
-        step = step + n_1 * before - n_0 * n_1.dot(r);
+        let turned = |r: Vector<L>| n_1 * n_0.dot(r) - n_0 * n_1.dot(r);
+        step = step + turned(r + turned(r) * L::splat(0.5));
         n = n_1;
     }
     ContactPoint { n, before, after: before + n.dot(u - step), step, grip: L::splat(1.0) }

@@ -148,36 +148,3 @@ fn around_vertices_with_new_paths_all_pairs_are_listed() {
 fn twisted_sheets_are_not_too_many_pairs() {
     assert!(max_listed(10_000) > 11_500_000 && max_listed(2_500) > 2_700_000);
 }
-
-/// What contact holds stays within its margin, in the direction in which it was about to leave it, and all else moves as it was about to:
-/// what nothing presses on, and what has moved far from its path already.
-#[test]
-fn pressed_vertices_stay_on_their_paths() {
-    let mut random = fastrand::Rng::with_seed(11);
-    let mut vector = |size: f32| 2.0 * size * (Vec3A::new(random.f32(), random.f32(), random.f32()) - 0.5);
-    let (margin, since) = (0.01, 3.0);
-    let from: Vec<Vec4> = (0..300).map(|_| vector(1.0).extend(1.0)).collect();
-    let by: Vec<Vec4> = (0..300).map(|_| vector(0.005).extend(1.0 / margin)).collect();
-    let off: Vec<Vec3A> = (0..300).map(|_| vector(0.008)).collect();
-    let at = |vertex: usize| from[vertex] + (by[vertex] * since).with_w(0.0) + off[vertex].extend(0.0);
-    let x: Vec<Vec4> = (0..300).map(at).collect();
-    let u: Vec<Vec4> = by.iter().map(|by| by.with_w(0.0) + vector(0.02).extend(0.0)).collect();
-    let pressed: Vec<bool> = (0..300).map(|vertex| vertex % 3 > 0).collect();
-    let paths = Paths { from, by, margin: vec![margin; 300], ahead: 12.0, since: Some(since), renewed: 0 };
-    let path = Path { x: &x, u: &u, margin: &[], workers: Workers::ALONE };
-    let reined: BTreeMap<usize, Vec3A> = paths.rein_in(path, &pressed, false).into_iter().collect();
-    let strays = |vertex: usize, u: Vec3A| (off[vertex] + u - Vec3A::from_vec4(paths.by[vertex])).length() / margin;
-    for vertex in 0..300 {
-        let u = Vec3A::from_vec4(u[vertex]);
-        let is_near = off[vertex].length() < 0.6 * margin;
-        let Some(&excess) = reined.get(&vertex) else {
-            assert!(!pressed[vertex] || !is_near || strays(vertex, u) < 0.75, "vertex {vertex} leaves its path");
-            continue;
-        };
-        assert!(pressed[vertex] && is_near, "vertex {vertex} is held");
-        assert!(strays(vertex, u - excess) < 0.9 + 1e-4, "vertex {vertex} gets {} margins away", strays(vertex, u - excess));
-        let growth = u - Vec3A::from_vec4(paths.by[vertex]);
-        assert!(excess.cross(growth).length() < 1e-8 && excess.dot(growth) >= 0.0, "vertex {vertex} is led aside");
-    }
-    assert!(reined.len() > 30, "{} vertices", reined.len());
-}

@@ -31,9 +31,6 @@ const FEW: f32 = 0.01;
 const LONGER: f32 = 1.5;
 /// Share of its margin by which the path of a vertex may lead away from where it is about to move.
 const ASIDE: f32 = 0.9;
-/// What keeps a vertex within this share of its margin holds it, and then it moves by the rest of the second share at most.
-const HELD: f32 = 0.6;
-const REINED: f32 = 0.9;
 /// Number of vertices from which the common deviation is estimated.
 pub(crate) const SAMPLES: usize = 32;
 
@@ -165,22 +162,6 @@ impl Paths {
         let strayed = move |vertex: usize, x: Vec3A, u: Vec3A| x - xyz(self.from[vertex]) + (u - xyz(self.by[vertex]) * over);
         let common = mean_of(floats.then_some(path.x.len()), |vertex| strayed(vertex, xyz(path.x[vertex]), xyz(path.u[vertex])));
         move |vertex, x, u| (strayed(vertex, x, u) - common).length() - self.margin[vertex]
-    }
-
-    /// By how much (m) the displacements of `pressed` vertices exceed what keeps them close to their paths, if they are close so far.
-    ///
-    /// Where edges are stretched to several times their length, vertices are about to move by more than any margin in every substep,
-    /// into what holds them. Without this, all pairs would be listed anew in each of them.
-    pub(crate) fn rein_in(&self, path: Path<'_>, pressed: &[bool], floats: bool) -> Vec<(usize, Vec3A)> {
-        let [common, rate] = self.common(path, floats);
-        let excess = |vertex: usize| {
-            let (growth, margin) = (xyz(path.u[vertex]) - xyz(self.by[vertex]) - rate, self.margin[vertex]);
-            let strayed = self.strayed_by(path, vertex) - common;
-            let is_held = (strayed - growth).length() < HELD * margin && strayed.length() >= NEARLY * margin;
-            is_held.then(|| (vertex, growth * (1.0 - ((REINED - HELD) * margin / growth.length()).min(1.0))))
-        };
-        let pressed = pressed.iter().take(path.x.len()).enumerate().filter(|(_, is_pressed)| **is_pressed);
-        pressed.filter_map(|(vertex, _)| excess(vertex)).collect()
     }
 
     /// The vector (m) by which a vertex will have strayed after this substep.
