@@ -414,8 +414,8 @@ fn a_rolling_deck_carries_the_cloth(backend: Backend) {
             let turn = turned(frame);
             let deck = Collider::plane(turn * Vec3::new(far, 0.0, 0.0), turn * Vec3::Y).with_friction(0.6);
             let report = cloth.step(FRAME, &Attributes { colliders: vec![deck], ..Attributes::default() }).unwrap();
-            // Statistics, which tell where the cloth is, are some steps late on a GPU.
-            most = if frame < 10 { 0 } else { report.substeps.max(most) };
+            // Where the cloth is is known some steps later on a GPU, and then the number of substeps falls.
+            most = if frame < 60 { 0 } else { report.substeps.max(most) };
             let lies =
                 cloth.positions().unwrap().iter().zip(&mesh.positions).map(|(x, rest)| (turn.inverse() * *x).distance(*rest));
             off = lies.fold(off, f32::max);

@@ -202,8 +202,8 @@ fn contact_plane<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Su
     if b_travel != Vec3A::ZERO {
         let [n_0, n_1] = [substep.start, substep.start + params.fraction].map(|time| splat((b + b_travel * time).normalize()));
         before = n_0.dot(r);
-        let turned = |r: Vector<L>| n_1 * n_0.dot(r) - n_0 * n_1.dot(r);
-        step = step + turned(r + turned(r) * L::splat(0.5));
+        let axis = n_0.cross(n_1);
+        step = step + axis.cross(axis.cross(r) * L::splat(0.5) + r);
         n = n_1;
     }
     ContactPoint { n, before, after: before + n.dot(u - step), step, grip: L::splat(1.0) }

@@ -314,7 +314,7 @@ pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3, within: Option<[Vec3; 
         // Motion within the plane only drags by friction, which does not push the cloth.
         (&Shape::Plane { point, normal }, &Shape::Plane { point: p0, normal: n0 }) => {
             let [n0, n] = [n0, normal].map(|normal| normal.as_dvec3().normalize());
-            let [low, high] = within.unwrap_or([p0; 2]).map(|corner| corner.as_dvec3());
+            let [low, high] = within.unwrap_or([p0; 2]).map(Vec3::as_dvec3);
             let rise = apart(point, p0).dot(n) - (n - n0).dot(0.5 * (low + high) - p0.as_dvec3());
             rise.abs() + (n - n0).abs().dot(0.5 * (high - low))
         }
