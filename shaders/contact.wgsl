@@ -319,8 +319,7 @@ fn contact_round(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoi
     return ContactPoint(n, before, after, step, 1.0);
 }
 
-// Of a half-space. While its normal turns, from n_0 to n in a substep, it moves at r from its point by (n_0 x n) x r besides, where r is
-// halfway.
+// Of a half-space. While its normal turns, from n_0 to n in a substep, the solid also moves by (n_0 x n) x r at r from its point.
 fn contact_plane(x: vec3f, u: vec3f, body: Body, substep: Substep) -> ContactPoint {
     let r = x - (body.a + body.a_travel * substep.start);
     var n = body.b;

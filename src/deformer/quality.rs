@@ -33,9 +33,9 @@ const COARSE_ENOUGH: usize = 4096;
 /// [`Quality::Budget`].
 const TAUT: f64 = 0.05;
 
-/// Cloth is squeezed if so many times as many pairs are as may vertices be stretched. Two layers of a cape, 6 to 30 mm apart, have pairs at
-/// up to 7 % of their vertices where pins shake them with too few substeps, and none with enough; limbs that close on a sheet or a tube
-/// at 15 to 21 %.
+/// Cloth is squeezed if the squeezed pairs are more than this many times the vertices that the bound leaves out. Two layers of a cape, 6 to
+/// 30 mm apart, have up to 7 such pairs per 100 vertices where pins shake them with too few substeps, although there is room; a sheet or a
+/// tube on which limbs close has 15 to 21.
 const MANY_PAIRS: f32 = 10.0;
 
 impl Deformer {

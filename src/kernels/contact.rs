@@ -191,8 +191,8 @@ fn axis_end(body: &Body, substep: &Substep, params: &Params) -> (Vec3A, Vec3A) {
     (Vec3A::from(body.a) + travel * substep.start, travel * params.fraction)
 }
 
-/// Of a half-space. While its normal turns, from `n_0` to `n` in a substep, it moves at `r` from its point by `(n_0 x n) x r` besides, where
-/// `r` is halfway: toward its start, what it carries would creep outward.
+/// Of a half-space. While its normal turns, from `n_0` to `n_1` in a substep, the solid also moves by `(n_0 x n_1) x r` at `r` from its
+/// point. This `r` is taken in the middle of that motion: with that at its start, what the solid carries would creep outward.
 #[inline(always)]
 fn contact_plane<L: Lanes>(x: Vector<L>, u: Vector<L>, body: &Body, substep: &Substep, params: &Params) -> ContactPoint<L> {
     let (a, a_step) = axis_end(body, substep, params);

@@ -306,8 +306,8 @@ fn kinematic_speed(
 /// Age in steps that statistics may have on the GPU (three), and one step more until they are updated.
 pub(crate) const STEPS_AHEAD: f64 = 4.0;
 
-/// The largest displacement (m) of a point of the surface between `last` and `now`, relative to what moves `by` that much, if it is known
-/// `within` this box where the cloth is; 0 if the shapes are of different kinds. For what turns, the box matters.
+/// The largest displacement (m) of a point of the surface between `last` and `now`, relative to what moves `by` that much; 0 if
+/// the shapes are of different kinds. Of what turns, only the points `within` a box count, if it is known where the cloth is.
 pub(crate) fn travel(now: &Shape, last: &Shape, by: Vec3, within: Option<[Vec3; 2]>) -> f64 {
     let apart = |a: Vec3, b: Vec3| a.as_dvec3() - b.as_dvec3() - by.as_dvec3();
     match (now, last) {
