@@ -3,12 +3,14 @@
 mod common;
 
 use std::collections::HashMap;
+use std::f32::consts::PI;
 
-use cloth_deformer::glam::{DVec3, Vec3};
+use cloth_deformer::glam::{DVec3, Quat, Vec3};
 use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Levels, Mesh, Method, Options, Quality, Tethers};
 
 use common::energy::{energy, masses, momenta};
 use common::reference::Reference;
+use common::shapes::tube;
 use common::{FRAME, grid_masses, hang, meshes, play, rms};
 
 const RHO: f32 = 0.2;
@@ -511,4 +513,33 @@ fn levels_leave_what_hangs_as_it_is() {
         println!("{name}: gains {without} J/kg without levels, {with} with them");
         assert!(with < without + bound, "{name}: gains {without} J/kg without levels, {with} with them");
     }
+}
+
+/// A flared skirt whose waist begins to spin winds around as far with levels as without them, at substeps that resolve it. Coarse edges
+/// that are as long as its curved aggregates are apart at rest would pull its hem in by 9 cm more.
+#[test]
+fn a_skirt_that_spins_winds_as_far_with_levels() {
+    let (around, rows) = (64, 20);
+    let mut mesh = tube(1.0, 0.5, around, rows);
+    let flare = |x: Vec3| 0.3 - 0.6 * x.y;
+    mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(flare(*x) * x.x, x.y, flare(*x) * x.z));
+    let hem = |levels: Levels| {
+        let pinned: Vec<u32> = (0..around).collect();
+        let quality = Quality::Substeps(80);
+        let options = Options { backend: Backend::Cpu, fabric: Fabric::COTTON, pinned, quality, levels, ..Options::default() };
+        let mut skirt = Deformer::new(&mesh, options).unwrap();
+        let mut turned = 0.0;
+        for frame in 1..=36 {
+            // Two turns a second after 1.5 s.
+            turned += 4.0 * PI * FRAME * (FRAME * frame as f32 / 1.5);
+            let waist = mesh.positions[..around as usize].iter().map(|x| Quat::from_rotation_y(turned) * *x);
+            let attributes = Attributes { air_density: 1.225, pin_targets: Some(waist.collect()), ..Attributes::default() };
+            skirt.step(FRAME, &attributes).unwrap();
+        }
+        let hem = &skirt.positions().unwrap()[(around * (rows - 1)) as usize..];
+        hem.iter().map(|x| x.x.hypot(x.z)).sum::<f32>() / around as f32
+    };
+    let [without, with] = [Levels::Off, Levels::Count(2)].map(hem);
+    println!("the hem has a radius of {without} m without levels, {with} with them");
+    assert!((with - without).abs() < 0.06, "the hem has a radius of {without} m without levels, {with} with them");
 }

@@ -16,7 +16,7 @@ pub(crate) struct Aggregate {
     /// Center of mass (m).
     pub center: DVec3,
     pub pinned: bool,
-    /// Sum of the area-weighted normals, and of their lengths.
+    /// Sum of the normals weighted by twice the area (m²), and of their lengths.
     pub normal: DVec3,
     pub area: f64,
 }
@@ -33,6 +33,16 @@ impl Aggregate {
     /// A vector along its normal; zero if it has none because it is a thread, or goes around a tube.
     pub(crate) fn normal(&self) -> DVec3 {
         if self.normal.length() < CURLED * self.area { DVec3::ZERO } else { self.normal }
+    }
+
+    /// How far (m) its center is from its surface, if it is an arc with the length and width of the root of its area. The mean cosine of an
+    /// arc's normals to their sum is `sin(a)/a` for half its angle a, and its center is `r - r sin(a)/a` from it.
+    pub(crate) fn sagitta(&self) -> f64 {
+        if self.area == 0.0 {
+            return 0.0;
+        }
+        let half_angle = (6.0 * (1.0 - self.normal.length() / self.area)).max(0.0).sqrt();
+        (0.5 * self.area).sqrt() * half_angle / 12.0
     }
 }
 

@@ -218,7 +218,8 @@ impl Edges<'_> {
         let [a, b] = pair.map(|aggregate| &self.aggregates[aggregate as usize]);
         let turn = 0.5 * a.normal().angle_between(b.normal());
         let bent = if turn > 1e-3 { (turn / turn.sin()).powi(2) } else { 1.0 };
-        let length = a.center.distance(b.center) * bent;
+        // The center of a curved aggregate comes to either side of its surface when it bends the other way.
+        let length = (a.center.distance(b.center) * bent).hypot(a.sagitta() + b.sagitta());
         if a.pinned || b.pinned {
             return length.max(self.pin_share * self.masses.transport(pair, [a.mass, b.mass]));
         }
