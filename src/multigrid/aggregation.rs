@@ -23,6 +23,8 @@ pub(crate) struct Aggregate {
 
 /// If the area-weighted normals of an aggregate cancel, up to this share, it goes around a tube.
 const CURLED: f64 = 0.1;
+/// If they do so up to this share, it is no arc, but folded, or goes around more than half of a tube.
+const ARC: f64 = 0.7;
 
 impl Aggregate {
     /// One over the mass (1/kg); 0 if pinned.
@@ -35,10 +37,10 @@ impl Aggregate {
         if self.normal.length() < CURLED * self.area { DVec3::ZERO } else { self.normal }
     }
 
-    /// How far (m) its center is from its surface, if it is an arc with the length and width of the root of its area. The mean cosine of an
+    /// How far (m) its center is from its surface, if it is an arc, as long and wide as the root of its area; otherwise 0. The mean cosine of an
     /// arc's normals to their sum is `sin(a)/a` for half its angle a, and its center is `r - r sin(a)/a` from it.
     pub(crate) fn sagitta(&self) -> f64 {
-        if self.area == 0.0 {
+        if self.normal.length() < ARC * self.area || self.area == 0.0 {
             return 0.0;
         }
         let half_angle = (6.0 * (1.0 - self.normal.length() / self.area)).max(0.0).sqrt();
