@@ -113,12 +113,9 @@ fn sheets_across_each_other_part() {
     }
 }
 
-/// Towels that fell without contact intersect themselves all over their folds. Most of it is undone, and what is undone
-/// for good stays so. How much depends on the start: of nine towels three are left with nothing, and of 1948 intersections
-/// together 28 remain.
+/// Towels that fell without contact intersect themselves all over their folds. It is undone for good.
 #[test]
 fn towels_that_fell_without_contact() {
-    let (mut before, mut after) = (0, 0);
     for seed in 1..=9 {
         let mut mesh = jittered(Mesh::grid(36, 36, 1.2, 1.2), seed);
         mesh.positions.iter_mut().for_each(|x| x.y += 0.7);
@@ -130,13 +127,9 @@ fn towels_that_fell_without_contact() {
         (0..60).for_each(|_| drop(fallen.step(FRAME, &scene).unwrap()));
         let (mut cloth, parted) = part(&mesh, fallen.positions().unwrap(), Vec::new());
         println!("towel {seed}: {parted:?}");
-        assert!(parted.before > 50, "towel {seed}: {parted:?}");
-        (before, after) = (before + parted.before, after + parted.after);
-        if parted.after == 0 {
-            stays_apart(&format!("towel {seed}"), &mesh, &mut cloth);
-        }
+        assert!(parted.before > 50 && parted.after == 0, "towel {seed}: {parted:?}");
+        stays_apart(&format!("towel {seed}"), &mesh, &mut cloth);
     }
-    assert!(30 * after < before, "{after} of {before} intersections are left");
 }
 
 /// Two crossing sheets with pinned borders (an X seen from the side) cannot be separated.

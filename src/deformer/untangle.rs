@@ -34,9 +34,8 @@ impl Deformer {
     /// The contours of intersection are shortened until they vanish (Volino and Magnenat-Thalmann 2006); where that does not
     /// help, the smaller side of a contour goes back through the other surface (Baraff, Witkin and Kass 2003). This is a
     /// local method, which may not find a way out: [`Untangled::after`] says what remains (if that would be more than nine
-    /// tenths, nothing is moved), and
-    /// [`Options::contact`](crate::Options::contact) ignores that until it has separated. It takes up to some hundred
-    /// rounds, each of about the time of [`Deformer::crossings`].
+    /// tenths, nothing is moved), and [`Options::contact`](crate::Options::contact) ignores that until it has separated.
+    /// It takes some hundred rounds, at most 1500, each of about the time of [`Deformer::crossings`].
     ///
     /// # Errors
     /// If an attribute is out of its range, those of [`Deformer::positions`], and [`StepError::Crowded`]; the state is then unchanged.

@@ -32,10 +32,12 @@ use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::{EdgeIndex, Mesh, edges, is_proper, triangles_at};
 
 /// Most rounds, and most rounds in a row without a decrease in the number of crossings.
-const ROUNDS: usize = 600;
+const ROUNDS: usize = 1500;
 const PATIENCE: usize = 60;
-/// Length of a move, in mean edge lengths of the cloth.
-const STEP: f32 = 0.2;
+/// Lengths of a move, in mean edge lengths of the cloth. Short moves stretch the cloth least, but a descent by them ends where a contour
+/// has to grow before it can vanish, in 16 of 40 towels that fell without contact. None of them was left with crossings after longer
+/// moves.
+const STEPS: [f32; 3] = [0.2, 0.4, 0.8];
 /// Passes over the edges in each round, which move them toward their rest lengths.
 const PASSES: usize = 4;
 /// Most rounds of such passes after the last crossing has vanished.
@@ -52,7 +54,7 @@ enum Way {
     Both,
 }
 
-/// Tried one after another, each for as long as it helps, until none does.
+/// Tried one after another, each for as long as it helps; if none does, with longer moves.
 const WAYS: [Way; 3] = [Way::Contours, Way::Regions, Way::Both];
 
 /// The features of the cloth and the bodies together.
@@ -190,7 +192,7 @@ pub(crate) fn untangle(
     let mut tangle = Tangle::new(cloth, x, bodies, analytic, thickness);
     let solids: Vec<&Mesh> = bodies.iter().filter(|body| inside::is_closed(body)).collect();
     let lengths: f32 = cloth.links.iter().map(|link| link.rest).sum();
-    let step = STEP * lengths / cloth.links.len().max(1) as f32;
+    let steps = STEPS.map(|step| step * lengths / cloth.links.len().max(1) as f32);
     let mut found = tangle.crossings()?;
     let before = found.len();
     let (mut best, mut since, mut is_moved, mut was_inside) = ((before, tangle.x.clone()), 0, false, false);
@@ -207,7 +209,7 @@ pub(crate) fn untangle(
                 break;
             }
         }
-        tangle.advance(&found, &back, WAYS[tried % WAYS.len()], step);
+        tangle.advance(&found, &back, WAYS[tried % WAYS.len()], steps[idle / WAYS.len()]);
         tangle.relax(cloth);
         is_moved = true;
         found = tangle.crossings()?;
@@ -219,7 +221,7 @@ pub(crate) fn untangle(
             found = tangle.crossings()?;
             back = regions::regions(&tangle, &found);
             idle = if best.0 < left_before { 0 } else { idle + 1 };
-            if idle == WAYS.len() || back.is_empty() {
+            if idle == STEPS.len() * WAYS.len() {
                 break;
             }
             (tried, left_before, since) = (tried + 1, best.0, 0);
