@@ -120,19 +120,19 @@ impl Load {
     /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, where v is the larger of the two speeds and L the
     /// cloth's extent.
     pub(crate) fn stress(&self, cloth: &Cloth) -> f64 {
-        self.stress_without_wind(cloth) + self.pressure * cloth.extent
+        self.stress_without_wind(cloth) + self.pressure * cloth.extents.extent
     }
 
     /// Membrane stress (N/m) as in [`Load::stress`], but without the wind, which stretches the cloth little as long as
     /// the cloth gives way to it.
     pub(crate) fn stress_without_wind(&self, cloth: &Cloth) -> f64 {
         let speed = self.cloth_speed.max(self.collider_speed);
-        cloth.density * ((self.ambient + self.pins) * cloth.extent + speed * speed)
+        cloth.density * ((self.ambient + self.pins) * cloth.extents.extent + speed * speed)
     }
 
     /// The membrane stress (N/m) by gravity and linear drag alone.
     pub(crate) fn weight(&self, cloth: &Cloth) -> f64 {
-        cloth.density * self.ambient * cloth.extent
+        cloth.density * self.ambient * cloth.extents.extent
     }
 
     /// Whether what moves adds less than a third to the stress of gravity.
@@ -142,16 +142,16 @@ impl Load {
 
     /// The same for the stress of gravity and wind.
     pub(crate) fn is_calm_in_wind(&self, cloth: &Cloth) -> bool {
-        self.stress_without_wind(cloth) - self.weight(cloth) < 0.3 * (self.weight(cloth) + self.pressure * cloth.extent)
+        self.stress_without_wind(cloth) - self.weight(cloth) < 0.3 * (self.weight(cloth) + self.pressure * cloth.extents.extent)
     }
 
     /// The term that contributes most to the stress.
     pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
-        let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);
+        let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extents.extent + speed * speed);
         let terms = [
             (Cause::Pins, weighed(self.pins, 0.0)),
             (Cause::Collider, weighed(0.0, self.collider_speed)),
-            (Cause::Wind, self.pressure * cloth.extent),
+            (Cause::Wind, self.pressure * cloth.extents.extent),
             // The last one of equal terms is taken: without any load it is the cloth's own motion.
             (Cause::Motion, weighed(self.ambient, self.cloth_speed)),
         ];
