@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::Vec4;
 
 use crate::cpu::coarse::{AggregateState, Aggregates, Coarse, MIXED, Members};
-use crate::cpu::sweep::{Rule, sweep};
+use crate::cpu::sweep::{Rule, SweepRows};
 use crate::cpu::tasks::shared::lists::Indices;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
@@ -95,7 +95,8 @@ impl Correction<'_> {
         }
         let sweeps = if let Rule::ProjectCoarse { .. } = self.rule { here.sweeps } else { 1 };
         for _ in 0..sweeps {
-            sweep(&here.edges[round], piece, self.rule, x, u, change, self.width);
+            let rows = |batch| SweepRows { rule: self.rule, batch, x, u, predicted: change };
+            here.edges[round].of(piece).for_each(|batch| simd::run(self.width, rows(batch)));
         }
         for vertex in here.partition.rounds[round][piece].vertices.iter().cloned().flatten() {
             change.set(vertex as usize, u.get(vertex as usize) - change.get(vertex as usize));
