@@ -18,6 +18,7 @@ use crate::step::plan::{MeshBody, Plan};
 pub(super) const NEAR: f32 = 0.1;
 
 /// The mesh colliders, from step to step.
+#[derive(Default)]
 #[expect(clippy::struct_excessive_bools, reason = "they are independent of each other")]
 pub(crate) struct Bodies {
     /// Index of their first vertex.
@@ -43,18 +44,9 @@ pub(crate) struct Bodies {
 
 impl Bodies {
     pub(super) fn new(first: usize, numbered: Vec<Arc<Mesh>>) -> Bodies {
-        Bodies {
-            first,
-            last: Vec::with_capacity(numbered.len()),
-            are_still: false,
-            are_known: false,
-            may_meet: false,
-            near: Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum()),
-            travel: None,
-            turn: false,
-            friction: Vec::new(),
-            numbered,
-        }
+        let last = Vec::with_capacity(numbered.len());
+        let near = Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum());
+        Bodies { first, numbered, last, near, ..Bodies::default() }
     }
 
     /// Whether a step can go on with these meshes: they have the same triangles, and in the first step after the state was
