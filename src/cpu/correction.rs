@@ -57,20 +57,9 @@ impl Correction<'_> {
             0 => self.fine,
             _ => (&self.state(level - 1).x, &self.state(level - 1).u),
         };
-        let (to, here) = (self.state(level), &self.levels[level]);
-        simd::run(
-            self.width,
-            Restrict {
-                members: &here.members,
-                inverse_mass: &here.inverse_mass,
-                x: x.within(task),
-                u: u.within(task),
-                to_x: to.x.within(task),
-                to_change: to.change.within(task),
-                to_u: to.u.within(task),
-                aggregates,
-            },
-        );
+        let (to, Aggregates { members, inverse_mass, .. }) = (self.state(level), &self.levels[level]);
+        let [x, u, to_x, to_change, to_u] = [x, u, &to.x, &to.change, &to.u].map(|list| list.within(task));
+        simd::run(self.width, Restrict { members, inverse_mass, x, u, to_x, to_change, to_u, aggregates });
     }
 
     /// All work of the levels too small to divide, from `first` on: restricts to them (the finest level of all has
