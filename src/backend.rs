@@ -22,6 +22,9 @@ use crate::options::{Backend, Crossing, Options, Quality};
 use crate::past::Past;
 use crate::step::plan::Plan;
 
+/// The latest statistics after a step, if its plan asks for them.
+pub(crate) type Stepped = Result<Option<Statistics>, Failure>;
+
 /// The engine in use, which holds the state.
 pub(crate) enum Engine {
     Cpu(Box<Cpu>),
@@ -112,8 +115,8 @@ impl Engine {
         }
     }
 
-    /// Takes a step. Returns the latest statistics, if the plan asks for them.
-    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Result<Option<Statistics>, Failure> {
+    /// Takes a step.
+    pub(crate) fn step(&mut self, plan: &Plan<'_>) -> Stepped {
         match self {
             Engine::Cpu(cpu) => cpu.step(plan, None).map(|()| cpu.statistics(plan)),
             #[cfg(feature = "gpu")]
@@ -124,7 +127,7 @@ impl Engine {
     }
 
     /// Takes a step with each engine: those on a GPU are submitted together, the others run one after another.
-    pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Result<Option<Statistics>, Failure>> {
+    pub(crate) fn step_all(jobs: Vec<(&mut Engine, Plan<'_>)>) -> Vec<Stepped> {
         #[cfg(feature = "gpu")]
         let mut together = Vec::new();
         let mut done = Vec::new();

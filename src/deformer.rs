@@ -33,11 +33,10 @@ use rayon::prelude::*;
 use web_time::Instant;
 
 use crate::attributes::Attributes;
-use crate::backend::Engine;
+use crate::backend::{Engine, Stepped};
 use crate::deformer::buckling::Looks;
 use crate::deformer::decision::{Expectation, StepDecision, check_time_step};
 use crate::deformer::imperfection::FlatStart;
-use crate::error::failure::Failure;
 use crate::error::{BuildError, StepError};
 use crate::kernels::statistics::Statistics;
 use crate::model::cloth::Cloth;
@@ -280,12 +279,7 @@ impl Deformer {
     }
 
     /// Updates everything the next step depends on, and makes the report.
-    fn finish(
-        &mut self,
-        stepped: Result<Option<Statistics>, Failure>,
-        decision: &StepDecision,
-        attributes: &Attributes,
-    ) -> Result<StepReport, StepError> {
+    fn finish(&mut self, stepped: Stepped, decision: &StepDecision, attributes: &Attributes) -> Result<StepReport, StepError> {
         let before = mem::replace(&mut self.state.bounds, decision.bounds);
         let seen = stepped.map_err(|failure| {
             let error = self.failed(failure);

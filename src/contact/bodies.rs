@@ -17,15 +17,9 @@ use crate::step::plan::{MeshBody, Plan};
 /// largest extent.
 pub(super) const NEAR: f32 = 0.1;
 
-/// Where mesh colliders are in a step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum BodyPlace {
-    /// One of them may come near the cloth.
-    Near,
-    Elsewhere,
-}
-
 /// The mesh colliders, from step to step.
+#[derive(Default)]
+#[expect(clippy::struct_excessive_bools, reason = "they are independent of each other")]
 pub(crate) struct Bodies {
     /// Index of their first vertex.
     pub first: usize,
@@ -36,7 +30,8 @@ pub(crate) struct Bodies {
     /// Whether none of them moves in this step, and whether detection (on a GPU: the device) knows them where they are.
     pub are_still: bool,
     pub are_known: bool,
-    whereabouts: BodyPlace,
+    /// Whether one of them may come near the cloth in this step. Otherwise the cloth moves as if there were none.
+    pub may_meet: bool,
     /// Indices of their vertices that are near the cloth in this step.
     near: Vec<u32>,
     /// Range, per coordinate, of the displacements (m) of these vertices in this step, if there are any.
@@ -49,23 +44,9 @@ pub(crate) struct Bodies {
 
 impl Bodies {
     pub(super) fn new(first: usize, numbered: Vec<Arc<Mesh>>) -> Bodies {
-        Bodies {
-            first,
-            last: Vec::with_capacity(numbered.len()),
-            are_still: false,
-            are_known: false,
-            whereabouts: BodyPlace::Elsewhere,
-            near: Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum()),
-            travel: None,
-            turn: false,
-            friction: Vec::new(),
-            numbered,
-        }
-    }
-
-    /// Whether one of them may come near the cloth in this step. Otherwise the cloth moves as if there were none.
-    pub(crate) fn may_meet(&self) -> bool {
-        self.whereabouts == BodyPlace::Near
+        let last = Vec::with_capacity(numbered.len());
+        let near = Vec::with_capacity(numbered.iter().map(|mesh| mesh.positions.len()).sum());
+        Bodies { first, numbered, last, near, ..Bodies::default() }
     }
 
     /// Whether a step can go on with these meshes: they have the same triangles, and in the first step after the state was
@@ -105,7 +86,7 @@ impl Bodies {
     /// elsewhere than where the last step left it.
     pub(super) fn begin(&mut self, plan: &Plan<'_>, friction: f32, thickness: f32) -> bool {
         let meshes = plan.meshes;
-        self.whereabouts = if may_meet(plan, thickness) { BodyPlace::Near } else { BodyPlace::Elsewhere };
+        self.may_meet = may_meet(plan, thickness);
         let coefficients = || std::iter::once(friction).chain(meshes.iter().map(|body| body.friction));
         self.are_known &= coefficients().eq(self.friction.iter().copied());
         self.friction.clear();
@@ -161,7 +142,7 @@ impl Bodies {
             Some([low.min(by), high.max(by)])
         });
         let middle = |[low, high]: [Vec3A; 2]| if low.distance(high) < thickness { (low + high) * 0.5 } else { Vec3A::ZERO };
-        let range = range.or_else(|| self.may_meet().then_some([Vec3A::ZERO; 2]));
+        let range = range.or_else(|| self.may_meet.then_some([Vec3A::ZERO; 2]));
         self.turn.then(turning).flatten().or_else(|| range.map(middle).map(CommonMotion::of))
     }
 
@@ -170,7 +151,7 @@ impl Bodies {
         let cloth = bounds(x[..plan.cloth.used].iter().map(|x| x.truncate()));
         self.near.clear();
         let mut travel = None;
-        if !self.may_meet() {
+        if !self.may_meet {
             return travel;
         }
         for (vertex, motion) in (self.first as u32..).zip(motions(plan)).filter(|(_, motion)| is_near(*motion, cloth)) {

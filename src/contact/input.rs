@@ -16,6 +16,9 @@ pub(crate) struct Path<'a> {
     pub u: &'a [Vec4],
     /// How far (m) each vertex may stray from its path.
     pub margin: &'a [f32],
+    /// Whether there is nothing kinematic anywhere, so that only the motion of the cloth's vertices relative to each other matters to
+    /// detection.
+    pub floats: bool,
     pub workers: Workers<'a>,
 }
 

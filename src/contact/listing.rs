@@ -34,7 +34,7 @@ impl TriangleContact {
 
     /// Lists the pairs that may meet from here on; the first `moving` vertices may have strayed. Returns false if there are
     /// too many pairs, or if the state is not finite, which the end of the step reports.
-    pub(crate) fn detect(&mut self, path: Path<'_>, moving: usize, floats: bool, width: Width) -> bool {
+    pub(crate) fn detect(&mut self, path: Path<'_>, moving: usize, width: Width) -> bool {
         let sum: Vec3A = path.x.iter().zip(path.u).map(|(x, u)| xyz(*x) + xyz(*u)).sum();
         if !sum.is_finite() {
             return false;
@@ -48,11 +48,11 @@ impl TriangleContact {
         let crosses = !are_all || !self.crossings.pairs.is_empty();
         let is_listed = !crosses && self.lists.iter().all(|rows| !rows.starts.is_empty());
         let mut strayed = std::mem::take(&mut self.detection.strayed);
-        let listed = if is_listed && self.paths.strayed(moving_path, floats, &mut strayed) {
-            self.list_around(&strayed, path, floats, width)
+        let listed = if is_listed && self.paths.strayed(moving_path, &mut strayed) {
+            self.list_around(&strayed, path, width)
         } else {
             self.tally.detections += 1;
-            self.list_all(path, floats, width)
+            self.list_all(path, width)
         };
         self.detection.strayed = strayed;
         if let Err(too_many) = listed {
@@ -63,7 +63,7 @@ impl TriangleContact {
     }
 
     /// Lists all pairs, for new paths.
-    fn list_all(&mut self, path: Path<'_>, floats: bool, width: Width) -> Result<(), usize> {
+    fn list_all(&mut self, path: Path<'_>, width: Width) -> Result<(), usize> {
         let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         let listed: usize = lists.iter().map(|rows| rows.pairs.len()).sum();
         // A short list may become longer: margins are as large as the surface allows. A list is long if it has several times as
@@ -73,7 +73,7 @@ impl TriangleContact {
             is_long: listed > 4 * (path.x.len() + self.tally.near as usize),
             crosses: !self.crossings.pairs.is_empty(),
         };
-        paths.adapt(path, last, surface, MIN_MARGIN * surface.thickness, floats);
+        paths.adapt(path, last, surface, MIN_MARGIN * surface.thickness);
         let is_covered = !path.margin.is_empty();
         if is_covered {
             paths.cover(path.margin);
@@ -93,14 +93,14 @@ impl TriangleContact {
     }
 
     /// Lists more pairs, around some vertices that get new paths.
-    fn list_around(&mut self, strayed: &[u32], path: Path<'_>, floats: bool, width: Width) -> Result<(), usize> {
+    fn list_around(&mut self, strayed: &[u32], path: Path<'_>, width: Width) -> Result<(), usize> {
         let TriangleContact { surface, trees: [of_cloth, of_bodies], lists, detection, paths, bodies, .. } = self;
         if !detection.is_fitted {
             detection.fit(detection_input(surface, false, paths, path.workers, width), [of_cloth, of_bodies]);
         }
         self.contacts.store_multipliers(lists, path.workers);
         detection.mark_pressed(lists, path.x);
-        paths.restart(strayed, path, &detection.pressed, surface, MIN_MARGIN * surface.thickness, floats);
+        paths.restart(strayed, path, &detection.pressed, surface, MIN_MARGIN * surface.thickness);
         bodies.are_known &= bodies.are_still;
         let input = detection_input(surface, false, paths, path.workers, width);
         detection.run_around(input, strayed, [of_cloth, of_bodies], lists)
@@ -115,7 +115,7 @@ fn detection_input<'a>(
     workers: Workers<'a>,
     width: Width,
 ) -> DetectionInput<'a> {
-    let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers };
+    let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, floats: false, workers };
     let scope = DetectionScope { substeps: paths.ahead, thickness: surface.thickness };
     DetectionInput { surface, bodies_rest, path, scope, width }
 }

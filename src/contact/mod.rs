@@ -62,11 +62,9 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3A, Vec4};
 
 use crate::kernels::integrate::xyz;
-use crate::kernels::params::Substep;
 use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::options::Contact;
-use crate::simd::Width;
 use crate::step::plan::{Listing, Plan};
 
 use bodies::Bodies;
@@ -84,7 +82,8 @@ pub(crate) use detection::max_listed;
 use detection::paths::Paths;
 use detection::rows::Rows;
 use detection::tree::Tree;
-use input::{ContactInput, Path, SubstepContext};
+pub(crate) use input::SubstepContext;
+use input::{ContactInput, Path};
 pub(crate) use momentum::returns_momentum;
 pub(crate) use past::ContactPast;
 use surface::Surface;
@@ -96,8 +95,7 @@ const VERTICES_OF_PART: usize = 64;
 const VERTICES_OF_THREAD: usize = 128;
 const PAIRS_OF_THREAD: usize = 1024;
 
-/// Whether there is nothing kinematic anywhere, so that only the motion of the cloth's vertices relative to each other matters to
-/// detection.
+/// See [`Path::floats`].
 fn floats(plan: &Plan<'_>) -> bool {
     plan.meshes.is_empty() && !plan.cloth.has_pins()
 }
@@ -207,19 +205,11 @@ impl TriangleContact {
 
     /// Resolves contact in one substep, with colliders, bodies and the cloth itself. Changes the displacements `u` (m),
     /// and the positions `x` (m) by the corrections that are to add no velocity. Does nothing more once there are too many pairs.
-    pub(crate) fn resolve(
-        &mut self,
-        plan: &Plan<'_>,
-        substep: &Substep,
-        x: &mut [Vec4],
-        u: &mut [Vec4],
-        workers: Workers<'_>,
-        width: Width,
-    ) {
+    pub(crate) fn resolve(&mut self, context: SubstepContext<'_>, x: &mut [Vec4], u: &mut [Vec4]) {
+        let SubstepContext { plan, substep, workers, .. } = context;
         if self.too_many > 0 {
             return;
         }
-        let context = SubstepContext { plan, substep, workers, width };
         self.bodies.advance(plan, substep, x, u);
         self.part_touches(x, workers);
         self.push.push_out(context, x, u, self.bodies.first);
@@ -229,7 +219,7 @@ impl TriangleContact {
         let covers = plan.listing == Listing::EveryStop;
         let (by, margin) = if covers { self.ways(plan, x, u, common_motion) } else { Default::default() };
         let by = if covers { &by } else { &*u };
-        if !self.list(context, Path { x, u: by, margin: &margin, workers }, floats(plan)) {
+        if !self.list(context, Path { x, u: by, margin: &margin, floats: floats(plan), workers }) {
             return;
         }
         (self.tally.near, self.tally.contacts) = (0, 0);
@@ -250,11 +240,11 @@ impl TriangleContact {
 
     /// Lists pairs unless all vertices are still close to the paths that the list was made for. Returns false if that is
     /// impossible: see [`TriangleContact::detect`].
-    fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, path: Path<'_>, floats: bool) -> bool {
+    fn list(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, path: Path<'_>) -> bool {
         let moving = if self.bodies.are_still { self.bodies.first } else { path.x.len() };
         let workers = workers.for_items(moving, VERTICES_OF_THREAD);
         let moving_path = Path { x: &path.x[..moving], u: &path.u[..moving], workers, ..path };
-        if !self.paths.are_followed(moving_path, floats, width) && !self.detect(path, moving, floats, width) {
+        if !self.paths.are_followed(moving_path, width) && !self.detect(path, moving, width) {
             return false;
         }
         self.paths.since = self.paths.since.map(|since| since + 1.0);
@@ -292,7 +282,6 @@ impl TriangleContact {
         let mut scale = warm_scale(plan.params.h, self.h);
         self.h = plan.params.h;
         let push = self.push.of_vertices();
-        let floats = floats(plan);
         let mut input = ContactInput {
             x,
             u,
@@ -325,7 +314,7 @@ impl TriangleContact {
         if are_near {
             // Pairs that are not listed stay apart only as long as vertices move about as detection assumed.
             let cloth = ..self.bodies.first;
-            let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], workers }, floats);
+            let drift = self.paths.drift(Path { x: &x[cloth], u: &u[cloth], margin: &[], floats: floats(plan), workers });
             self.crossings.drifted.extend(self.contacts.finish([x, u], push, drift, workers));
             if lost != DVec3::ZERO && returns_momentum(plan, &self.bodies) {
                 momentum::give_back(plan.cloth, lost, u, workers);

@@ -28,7 +28,7 @@ fn free_masses(cloth: &Cloth) -> impl Iterator<Item = f32> {
 /// that it [may meet](Bodies::may_meet), because it must not move relative to them. Other colliders stop it in the next substep if it
 /// touches them, but not those of its parts that are elsewhere.
 pub(crate) fn returns_momentum(plan: &Plan<'_>, bodies: &Bodies) -> bool {
-    !plan.cloth.has_pins() && !bodies.may_meet() && (plan.bodies.is_empty() || plan.cloth.parts == 1)
+    !plan.cloth.has_pins() && !bodies.may_meet && (plan.bodies.is_empty() || plan.cloth.extents.parts == 1)
 }
 
 /// Returns lost momentum (kg m) to the cloth by a uniform displacement.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec4;
 use web_time::Instant;
 
-use crate::contact::{Replaced, TriangleContact, Workers};
+use crate::contact::{Replaced, SubstepContext, TriangleContact, Workers};
 use crate::cpu::correction::Correction;
 use crate::cpu::integrate::Integrator;
 use crate::cpu::packed::Packed;
@@ -273,7 +273,8 @@ impl Cpu {
         for (index, substep) in plan.substeps.iter().enumerate() {
             let turns = index as u32 * sweeps..(index as u32 + 1) * sweeps;
             cause = cause.or(self.turns(Part::Substep, turns.clone(), plan, external, on));
-            contact.resolve(plan, substep, self.x.room(), self.p.room(), workers, self.packed.width);
+            let context = SubstepContext { plan, substep, workers, width: self.packed.width };
+            contact.resolve(context, self.x.room(), self.p.room());
             cause = cause.or(self.turns(Part::Move, turns.end - 1..turns.end, &moves, external, on));
         }
         contact.end(self.x.room(), self.p.room(), workers);

@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::Vec4;
 
 use crate::cpu::coarse::{AggregateState, Aggregates, Coarse, MIXED, Members};
-use crate::cpu::sweep::{Rule, sweep};
+use crate::cpu::sweep::{Rule, SweepRows};
 use crate::cpu::tasks::shared::lists::Indices;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::cpu::tasks::shared::{SharedArray, Task, View};
@@ -57,20 +57,9 @@ impl Correction<'_> {
             0 => self.fine,
             _ => (&self.state(level - 1).x, &self.state(level - 1).u),
         };
-        let (to, here) = (self.state(level), &self.levels[level]);
-        simd::run(
-            self.width,
-            Restrict {
-                members: &here.members,
-                inverse_mass: &here.inverse_mass,
-                x: x.within(task),
-                u: u.within(task),
-                to_x: to.x.within(task),
-                to_change: to.change.within(task),
-                to_u: to.u.within(task),
-                aggregates,
-            },
-        );
+        let (to, Aggregates { members, inverse_mass, .. }) = (self.state(level), &self.levels[level]);
+        let [x, u, to_x, to_change, to_u] = [x, u, &to.x, &to.change, &to.u].map(|list| list.within(task));
+        simd::run(self.width, Restrict { members, inverse_mass, x, u, to_x, to_change, to_u, aggregates });
     }
 
     /// All work of the levels too small to divide, from `first` on: restricts to them (the finest level of all has
@@ -95,7 +84,8 @@ impl Correction<'_> {
         }
         let sweeps = if let Rule::ProjectCoarse { .. } = self.rule { here.sweeps } else { 1 };
         for _ in 0..sweeps {
-            sweep(&here.edges[round], piece, self.rule, x, u, change, self.width);
+            let rows = |batch| SweepRows { rule: self.rule, batch, x, u, predicted: change };
+            here.edges[round].of(piece).for_each(|batch| simd::run(self.width, rows(batch)));
         }
         for vertex in here.partition.rounds[round][piece].vertices.iter().cloned().flatten() {
             change.set(vertex as usize, u.get(vertex as usize) - change.get(vertex as usize));

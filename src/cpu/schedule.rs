@@ -116,7 +116,10 @@ const MIN_CHUNK: usize = 128;
 impl Schedule {
     /// The schedules of a step: one for each [`Part`], or without contact of triangles only the first.
     pub(crate) fn all(terms: Terms, partition: &Partition, coarse: &Coarse, panel_tiles: &[Vec<u32>]) -> Vec<Schedule> {
-        let schedule = |once, stages| Schedule::new(terms, once, stages, partition, coarse, panel_tiles);
+        let chunks =
+            (partition.tiles.len() < 2 * terms.threads && terms.threads > 1).then(|| chunks(partition, 2 * terms.threads));
+        let resources = Resources { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
+        let schedule = |once, stages| Schedule::new(&resources, once, stages);
         let stages = stages(terms, partition, coarse);
         if terms.contact {
             [prologue(terms), stages, vec![Stage::MoveAfterContact]].map(|stages| schedule(Vec::new(), stages)).into()
@@ -125,27 +128,17 @@ impl Schedule {
         }
     }
 
-    fn new(
-        terms: Terms,
-        first: Vec<Stage>,
-        stages: Vec<Stage>,
-        partition: &Partition,
-        coarse: &Coarse,
-        panel_tiles: &[Vec<u32>],
-    ) -> Schedule {
-        let chunks =
-            (partition.tiles.len() < 2 * terms.threads && terms.threads > 1).then(|| chunks(partition, 2 * terms.threads));
-        let mut passes = fuse(first, chunks.is_some());
+    fn new(resources: &Resources<'_>, first: Vec<Stage>, stages: Vec<Stage>) -> Schedule {
+        let mut passes = fuse(first, resources.chunks.is_some());
         let once = passes.len();
-        passes.extend(fuse(stages, chunks.is_some()));
-        let resources = Resources { partition, coarse, panel_tiles, chunks: chunks.as_deref() };
+        passes.extend(fuse(stages, resources.chunks.is_some()));
         let mut tasks: Vec<PassTasks> = Vec::new();
         for (index, pass) in passes.iter().enumerate() {
             let is_local = |domain| matches!(domain, Domain::Tiles | Domain::Chunks | Domain::Triangles | Domain::Borders(_));
             let follows = index > once && is_local(resources.domain(pass)) && is_local(resources.domain(&passes[index - 1]));
             tasks.push(PassTasks { touches: resources.touched(pass), awaits: resources.awaited(pass), follows });
         }
-        Schedule { graph: Graph::new(tasks, once, resources.count()), passes, chunks }
+        Schedule { graph: Graph::new(tasks, once, resources.count()), passes, chunks: resources.chunks.map(<[_]>::to_vec) }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::cpu::integrate::{AfterMove, Integrator};
 use crate::cpu::partition::{Partition, Piece};
 use crate::cpu::schedule::{Domain, Pass};
 use crate::cpu::stages::{Stage, Terms};
-use crate::cpu::sweep::{Rule, sweep};
+use crate::cpu::sweep::{Rule, SweepRows};
 use crate::cpu::tasks::shared::{Task, View};
 use crate::cpu::tethers::{Hold, TetherBatches};
 use crate::simd;
@@ -133,7 +133,7 @@ impl Stepper<'_> {
         if touches.first().map(worker) != touches.last().map(worker) {
             vertices.iter().for_each(|range| [x, u].iter().for_each(|values| values.claim(range.clone())));
         }
-        sweep(edges, part, rule, x, u, u, self.integrator.width);
+        edges.of(part).for_each(|batch| simd::run(self.integrator.width, SweepRows { rule, batch, x, u, predicted: u }));
     }
 
     fn advance(&self, task: &Task, vertices: &[Range<u32>], index: usize) {

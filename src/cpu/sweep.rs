@@ -1,12 +1,12 @@
 //! The Gauss-Seidel sweep over the edges: as many edges at once as there are SIMD lanes.
 
-use crate::cpu::edge_batches::{EdgeBatch, EdgeBatches, Ends};
+use crate::cpu::edge_batches::{EdgeBatch, Ends};
 use crate::cpu::tasks::shared::View;
 use crate::cpu::tasks::shared::vectors::Four;
 use crate::kernels::distance::{self, EdgeCorrection};
 use crate::kernels::params;
 use crate::options::Method;
-use crate::simd::{self, Loop, Registers, Vector, Width};
+use crate::simd::{Loop, Registers, Vector};
 use crate::step::plan::Plan;
 
 /// Which kernel corrects the edges.
@@ -51,27 +51,14 @@ const PROJECT_COARSE: u8 = 2;
 const HOLD_COARSE: u8 = 3;
 const RELAX: u8 = 4;
 
-/// Corrects the edges of one piece, in their packed order. Coarse edges that undo what others shorten them by also read what was
-/// `predicted` for `u`.
-pub(crate) fn sweep(
-    batches: &EdgeBatches,
-    piece: usize,
-    rule: Rule,
-    x: View<'_>,
-    u: View<'_>,
-    predicted: View<'_>,
-    width: Width,
-) {
-    batches.of(piece).for_each(|batch| simd::run(width, SweepRows { rule, batch, x, u, predicted }));
-}
-
-/// Corrects a batch of rows in order. A row is as many edges as there are lanes, no two of which share a vertex.
-struct SweepRows<'t> {
-    rule: Rule,
-    batch: EdgeBatch<'t>,
-    x: View<'t>,
-    u: View<'t>,
-    predicted: View<'t>,
+/// Corrects a batch of rows in order. A row is as many edges as there are lanes, no two of which share a vertex. Coarse edges that
+/// undo what others shorten them by also read what was `predicted` for `u`.
+pub(crate) struct SweepRows<'t> {
+    pub rule: Rule,
+    pub batch: EdgeBatch<'t>,
+    pub x: View<'t>,
+    pub u: View<'t>,
+    pub predicted: View<'t>,
 }
 
 impl Loop for SweepRows<'_> {

@@ -8,7 +8,7 @@ use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
 use crate::options::{Levels, Method, Quality};
 use crate::record::recorded;
 use crate::step::controller::{Controller, FEWEST_SUBSTEPS};
-use crate::step::load::{Fastest, Load};
+use crate::step::load::{Fastest, Load, LoadInputs};
 use crate::step::substep_count::{Division, Length, SIXTIETHS};
 use crate::step::watch::Bounds;
 
@@ -63,8 +63,9 @@ impl Deformer {
         check_time_step(dt)?;
         let thickness = self.check(attributes)?;
         let seen = self.state.seen.as_ref();
-        let fastest = Fastest::of(&self.cloth, &self.state.motion, attributes, f64::from(dt), seen, self.late());
-        let load = Load::of(&self.cloth, &self.state.motion, attributes, dt, seen, &fastest, thickness);
+        let inputs = LoadInputs { cloth: &self.cloth, motion: &self.state.motion, attributes, dt, seen };
+        let fastest = Fastest::of(inputs, self.late());
+        let load = Load::of(inputs, &fastest, thickness);
         let has_contact = thickness.is_some();
         let trades_levels = self.trades_levels(has_contact, load.lasting_pressure);
         let controller = self.controlled(dt, &load, self.caution(has_contact, trades_levels), has_contact);

@@ -10,9 +10,8 @@
 use super::Deformer;
 use super::decision::StepDecision;
 use crate::attributes::Attributes;
+use crate::backend::Stepped;
 use crate::error::StepError;
-use crate::error::failure::Failure;
-use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, StepReport, Stretch, Warning};
 use crate::step::plan::{Listing, Plan};
 
@@ -25,7 +24,7 @@ impl Deformer {
     /// Finishes a step that was taken, or if it is rejected, the one that is taken in its place.
     pub(super) fn accept(
         &mut self,
-        mut stepped: Result<Option<Statistics>, Failure>,
+        mut stepped: Stepped,
         mut decision: StepDecision,
         attributes: &Attributes,
         alone: bool,
@@ -60,13 +59,7 @@ impl Deformer {
     }
 
     /// A step that was taken, or if cloth got through something in it, the one that is taken in its place.
-    fn uncrossed(
-        &mut self,
-        stepped: Result<Option<Statistics>, Failure>,
-        decision: &StepDecision,
-        attributes: &Attributes,
-        alone: bool,
-    ) -> Result<Option<Statistics>, Failure> {
+    fn uncrossed(&mut self, stepped: Stepped, decision: &StepDecision, attributes: &Attributes, alone: bool) -> Stepped {
         if stepped.is_err() || !self.engine.has_crossed() {
             return stepped;
         }
@@ -80,12 +73,7 @@ impl Deformer {
     }
 
     /// Takes a step in the place of the last one.
-    fn take_again(
-        &mut self,
-        decision: &StepDecision,
-        attributes: &Attributes,
-        alone: bool,
-    ) -> Result<Option<Statistics>, Failure> {
+    fn take_again(&mut self, decision: &StepDecision, attributes: &Attributes, alone: bool) -> Stepped {
         self.engine.roll_back();
         self.set_coefficients(decision);
         let (engine, plan) = self.plan(decision, attributes);
@@ -97,7 +85,7 @@ impl Deformer {
     /// contact of triangles none is, because statistics arrive three steps late.
     fn rejects(
         &mut self,
-        stepped: &Result<Option<Statistics>, Failure>,
+        stepped: &Stepped,
         decision: &StepDecision,
         attributes: &Attributes,
     ) -> Option<(StepDecision, Warning)> {

@@ -56,14 +56,8 @@ pub(crate) struct Cloth {
     pub density: f64,
     /// Sides of the rest shape's bounding box (m).
     pub sides: DVec3,
-    /// The longest sides (m) of its connected parts, none above `extent`.
-    pub extents: DVec3,
-    /// How far (m) any part spans between what holds it ([`extents`](crate::model::extents)).
-    pub extent: f64,
-    /// How far (m) a hundredth of any part's vertices is from a pin at most; 0 without pins.
-    pub near: f64,
-    /// Number of connected parts.
-    pub parts: usize,
+    /// How far it spans between what holds it.
+    pub extents: Extents,
     /// Length of the longest edge (m), and the mean of all.
     pub longest_edge: f32,
     pub mean_edge: f32,
@@ -130,8 +124,7 @@ impl Cloth {
         }
         let Links { list: mut links, longest_edge, mean_edge, firm, membrane_stiffness, slivers } =
             Links::new(&mesh_edges, &visits, &rank, &rest, &side_area, options);
-        let Extents { sides: extents, extent, near, parts } =
-            extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
+        let extents = extents(&rest[..used], &links, |vertex| inverse_mass[vertex as usize] == 0.0);
         let colors = sort_by_color(&mut links, &rest, &inverse_mass);
         let bending_scale =
             options.bending_scale.iter().flat_map(|scale| order.iter().map(|&vertex| scale[vertex as usize])).collect();
@@ -151,9 +144,6 @@ impl Cloth {
             density,
             sides,
             extents,
-            extent,
-            near,
-            parts,
             longest_edge: longest_edge as f32,
             mean_edge: mean_edge as f32,
             membrane_stiffness,
@@ -196,8 +186,8 @@ impl Cloth {
             Change::Edges => sort_by_color(&mut links, &positions, &inverse_mass),
             _ => self.colors.clone(),
         };
-        let Extents { sides: extents, extent, near, parts } = match change {
-            Change::Stiffness => Extents { sides: self.extents, extent: self.extent, near: self.near, parts: self.parts },
+        let extents = match change {
+            Change::Stiffness => self.extents,
             _ => extents(&positions[..self.used], &links, |vertex| inverse_mass[vertex as usize] == 0.0),
         };
         let rest = positions.iter().zip(&inverse_mass).map(|(x, &w)| x.extend(w)).collect();
@@ -211,9 +201,6 @@ impl Cloth {
             pinned,
             density,
             extents,
-            extent,
-            near,
-            parts,
             membrane_stiffness,
             bending_scale: self.bending_scale.clone(),
             panels: OnceLock::new(),
@@ -229,9 +216,9 @@ impl Cloth {
     /// With the tethers that the options ask for.
     fn tethered(mut self, options: &Options) -> Cloth {
         if options.tethers == options::Tethers::Auto && options.method == Method::SmallSteps {
-            let Cloth { rest, links, triangles, pinned, mass, extent, sides, density, .. } = &self;
-            let hung =
-                Hung { rest, links, triangles, pinned, mass, extent: *extent, size: sides.max_element(), density: *density };
+            let Cloth { rest, links, triangles, pinned, mass, extents, sides, density, .. } = &self;
+            let (extent, size) = (extents.extent, sides.max_element());
+            let hung = Hung { rest, links, triangles, pinned, mass, extent, size, density: *density };
             self.tethers = Tethers::new(hung);
         }
         self
@@ -267,8 +254,8 @@ impl Cloth {
     /// extends at most. For example, edges across a strip can hold no more than its width.
     pub(crate) fn load_share(&self, link: &Link) -> f64 {
         let [a, b] = link.ends.map(|vertex| self.rest[vertex as usize].truncate().as_dvec3());
-        let along = (b - a).normalize_or_zero().abs().dot(self.extents);
-        if self.extent > 0.0 { (along / self.extent).min(1.0) } else { 1.0 }
+        let along = (b - a).normalize_or_zero().abs().dot(self.extents.sides);
+        if self.extents.extent > 0.0 { (along / self.extents.extent).min(1.0) } else { 1.0 }
     }
 
     /// Stiffness `K (A1 + A2) / l0²` (N/m) of an edge, also of one between aggregates; infinite if inextensible.

@@ -135,7 +135,7 @@ impl BendRows {
 /// keeps the bound of 2, because a smaller one softens waves of medium length, too: with 0.2 a stiff cantilever of 17 vertices sags by 1 %
 /// too much at 10 substeps, and by 5 % at 5.
 pub(crate) fn most_kicked(cloth: &Cloth, rigidity: f64, h: f64) -> f64 {
-    let weight = cloth.density * STANDARD_GRAVITY * cloth.extent.powi(3);
+    let weight = cloth.density * STANDARD_GRAVITY * cloth.extents.extent.powi(3);
     let substeps = if weight > CRUMPLES * rigidity { 1.0 / (SIXTIETHS * h) } else { STILL };
     (2.0 * (substeps / STILL).powi(4)).clamp(0.2, 2.0)
 }

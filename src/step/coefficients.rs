@@ -41,7 +41,7 @@ impl Coefficients {
             edge(link, inverse_weight)
         };
         let in_chain = in_chain(cloth);
-        let stress = TRANSIENT * cloth.density * STANDARD_GRAVITY * cloth.extent;
+        let stress = TRANSIENT * cloth.density * STANDARD_GRAVITY * cloth.extents.extent;
         let least = |link: &Link| {
             if in_chain(link) || link.is_visited_twice() { 0.0 } else { floor(cloth, link, length, stress) }
         };
@@ -49,7 +49,7 @@ impl Coefficients {
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
         // The levels carry only the load that the fine sweep does not.
         let left = (1.0 - length.resolved).max(0.0);
-        let hanging = cloth.density * STANDARD_GRAVITY * cloth.extent;
+        let hanging = cloth.density * STANDARD_GRAVITY * cloth.extents.extent;
         let sum = |links: &[Link]| links.iter().map(|link| link.shape * f64::from(link.rest).powi(2)).sum::<f64>();
         let share = left / levels.len() as f64 * sum(cloth.swept());
         let is_repeated = coarse_rule(cloth, options) == PROJECT_COARSE;

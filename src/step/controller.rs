@@ -221,7 +221,7 @@ impl Controller {
     /// Time (s) for which fewer substeps must have sufficed under a membrane `stress` (N/m) before their number is lowered. What is
     /// held shows what fewer leave once a transverse wave, at the speed `sqrt(sigma/rho)`, has come from its middle to what holds it.
     fn patience(&self, cloth: &Cloth, stress: f64, caution: Caution) -> f64 {
-        let settled = (0.5 * cloth.extent * (cloth.density / stress).sqrt()).min(SETTLED);
+        let settled = (0.5 * cloth.extents.extent * (cloth.density / stress).sqrt()).min(SETTLED);
         if self.is_held() { caution.patience.max(settled) } else { caution.patience }
     }
 

@@ -54,44 +54,50 @@ pub(crate) struct Fastest {
     pub whereabouts: Option<Whereabouts>,
 }
 
+/// What the load in a step of `dt` (s) follows from.
+#[derive(Clone, Copy)]
+pub(crate) struct LoadInputs<'a> {
+    pub cloth: &'a Cloth,
+    /// Where the last step left off.
+    pub motion: &'a Motion,
+    pub attributes: &'a Attributes,
+    pub dt: f32,
+    /// The latest statistics.
+    pub seen: Option<&'a Statistics>,
+}
+
 impl Fastest {
-    /// In a step of `dt` (s) under `attributes`; `motion` is where the last step left off, `seen` the latest statistics, and
-    /// `age` (s) the time since then.
-    pub(crate) fn of(
-        cloth: &Cloth,
-        motion: &Motion,
-        attributes: &Attributes,
-        dt: f64,
-        seen: Option<&Statistics>,
-        age: f32,
-    ) -> Fastest {
-        let (drift, last_drift) = (motion.drift(cloth, attributes.pin_targets.as_deref(), dt as f32), motion.last_drift(cloth));
+    /// In a step; `age` (s) is the time since the latest statistics.
+    pub(crate) fn of(inputs: LoadInputs<'_>, age: f32) -> Fastest {
+        let LoadInputs { cloth, motion, attributes, dt, seen } = inputs;
+        let (drift, last_drift) = (motion.drift(cloth, attributes.pin_targets.as_deref(), dt), motion.last_drift(cloth));
         let whereabouts = motion.whereabouts(seen).map(|of_cloth| of_cloth.along(last_drift * age + drift));
         // The statistics count speeds relative to the drift. Cloth of which nothing is known has come along by the next step.
         let speed = seen.map(|seen| seen.speed_of(0.95)).or(motion.placed.map(|of_cloth| of_cloth.fastest));
         let common = last_drift.as_dvec3();
         let goes_along = speed.is_none_or(|speed| f64::from(speed) < 0.5 * common.length());
         let mut fastest = Fastest { drift, whereabouts, ..Fastest::default() };
-        fastest.note_pins(cloth, motion, attributes, dt, if goes_along { common } else { DVec3::ZERO });
-        fastest.note_colliders(cloth, motion, attributes, dt);
+        fastest.note_pins(inputs, if goes_along { common } else { DVec3::ZERO });
+        fastest.note_colliders(inputs);
         fastest
     }
 
     /// Notes the pins, whose speeds count relative to a velocity (m/s) that they have in `common` with the cloth. The cloth may be as
     /// fast as they are.
-    fn note_pins(&mut self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64, common: DVec3) {
+    fn note_pins(&mut self, LoadInputs { cloth, motion, attributes, dt, .. }: LoadInputs<'_>, common: DVec3) {
         let targets = attributes.pin_targets.iter().flatten().zip(&motion.pins);
         for (index, (to, from)) in targets.enumerate().filter(|(index, _)| cloth.is_used(cloth.pinned[*index])) {
-            let velocity = ((*to - cloth.origin).as_dvec3() - from.as_dvec3()) / dt;
+            let velocity = ((*to - cloth.origin).as_dvec3() - from.as_dvec3()) / f64::from(dt);
             self.any_pin = self.any_pin.max(velocity.length());
             self.pin = faster(self.pin, (index, velocity.distance(common)));
-            let relative = (velocity - (self.drift / dt as f32).as_dvec3()).length() as f32;
+            let relative = (velocity - (self.drift / dt).as_dvec3()).length() as f32;
             self.whereabouts.iter_mut().for_each(|of_cloth| of_cloth.fastest = of_cloth.fastest.max(relative));
         }
     }
 
     /// Notes the colliders, given where the cloth may be.
-    fn note_colliders(&mut self, cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f64) {
+    fn note_colliders(&mut self, LoadInputs { cloth, motion, attributes, dt, .. }: LoadInputs<'_>) {
+        let dt = f64::from(dt);
         for (index, (now, last)) in motion.followed(&attributes.colliders).enumerate() {
             let within = self.whereabouts.map(|of_cloth| of_cloth.bounds(cloth));
             let way = travel(&now.shape, &last.shape, Vec3::ZERO, within);
@@ -120,19 +126,19 @@ impl Load {
     /// Membrane stress (N/m): `rho ((|g| + a_pin) L + v²) + q L`, where v is the larger of the two speeds and L the
     /// cloth's extent.
     pub(crate) fn stress(&self, cloth: &Cloth) -> f64 {
-        self.stress_without_wind(cloth) + self.pressure * cloth.extent
+        self.stress_without_wind(cloth) + self.pressure * cloth.extents.extent
     }
 
     /// Membrane stress (N/m) as in [`Load::stress`], but without the wind, which stretches the cloth little as long as
     /// the cloth gives way to it.
     pub(crate) fn stress_without_wind(&self, cloth: &Cloth) -> f64 {
         let speed = self.cloth_speed.max(self.collider_speed);
-        cloth.density * ((self.ambient + self.pins) * cloth.extent + speed * speed)
+        cloth.density * ((self.ambient + self.pins) * cloth.extents.extent + speed * speed)
     }
 
     /// The membrane stress (N/m) by gravity and linear drag alone.
     pub(crate) fn weight(&self, cloth: &Cloth) -> f64 {
-        cloth.density * self.ambient * cloth.extent
+        cloth.density * self.ambient * cloth.extents.extent
     }
 
     /// Whether what moves adds less than a third to the stress of gravity.
@@ -142,53 +148,41 @@ impl Load {
 
     /// The same for the stress of gravity and wind.
     pub(crate) fn is_calm_in_wind(&self, cloth: &Cloth) -> bool {
-        self.stress_without_wind(cloth) - self.weight(cloth) < 0.3 * (self.weight(cloth) + self.pressure * cloth.extent)
+        self.stress_without_wind(cloth) - self.weight(cloth) < 0.3 * (self.weight(cloth) + self.pressure * cloth.extents.extent)
     }
 
     /// The term that contributes most to the stress.
     pub(crate) fn cause(&self, cloth: &Cloth) -> Cause {
-        let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extent + speed * speed);
+        let weighed = |acceleration: f64, speed: f64| cloth.density * (acceleration * cloth.extents.extent + speed * speed);
         let terms = [
             (Cause::Pins, weighed(self.pins, 0.0)),
             (Cause::Collider, weighed(0.0, self.collider_speed)),
-            (Cause::Wind, self.pressure * cloth.extent),
+            (Cause::Wind, self.pressure * cloth.extents.extent),
             // The last one of equal terms is taken: without any load it is the cloth's own motion.
             (Cause::Motion, weighed(self.ambient, self.cloth_speed)),
         ];
         terms.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Cause::Motion, |(cause, _)| cause)
     }
 
-    /// The load in a step of `dt` (s) under `attributes`. `motion` is where the last step left off, `seen` the latest
-    /// statistics, if any, `fastest` what moves fastest, and `thickness` (m) that of contact of triangles, if the scene has any.
-    pub(crate) fn of(
-        cloth: &Cloth,
-        motion: &Motion,
-        attributes: &Attributes,
-        dt: f32,
-        seen: Option<&Statistics>,
-        fastest: &Fastest,
-        thickness: Option<f64>,
-    ) -> Load {
+    /// The load in a step, in which this moves `fastest`; `thickness` (m) is that of contact of triangles, if the scene has any.
+    pub(crate) fn of(inputs: LoadInputs<'_>, fastest: &Fastest, thickness: Option<f64>) -> Load {
+        let LoadInputs { cloth, motion, attributes, dt, seen } = inputs;
         let relative = pressure_of(attributes, attributes.wind - fastest.drift / dt);
         let ambient = ambient_acceleration(attributes, fastest.drift / dt);
         // Still air hardly stretches cloth that flies through it: the cloth gives way as a whole.
         let (pressure, ambient) = if cloth.has_pins() {
             (relative, ambient)
         } else {
-            (
-                relative.min(still_pressure(cloth, motion, attributes, dt, fastest)),
-                ambient.min(ambient_acceleration(attributes, Vec3::ZERO)),
-            )
+            (relative.min(still_pressure(inputs, fastest)), ambient.min(ambient_acceleration(attributes, Vec3::ZERO)))
         };
         Load {
             ambient,
-            pins: pin_acceleration(cloth, motion, attributes, dt),
+            pins: pin_acceleration(inputs),
             cloth_speed: seen.map_or(0.0, |seen| f64::from(seen.speed_of(0.95))),
             collider_speed: fastest.collider.1,
             pressure,
             lasting_pressure: pressure.min(pressure_of(attributes, attributes.wind - motion.last_drift(cloth))),
-            kinematic_speed: thickness
-                .map_or(0.0, |thickness| kinematic_speed(cloth, motion, attributes, dt, thickness as f32, fastest.whereabouts)),
+            kinematic_speed: thickness.map_or(0.0, |thickness| kinematic_speed(inputs, thickness as f32, fastest.whereabouts)),
         }
     }
 }
@@ -200,7 +194,7 @@ pub(crate) fn pressure(attributes: &Attributes) -> f64 {
 
 /// Dynamic pressure (Pa) of the wind on cloth without pins that has come to rest: in the caller's frame or on a collider that is
 /// near, whichever goes along with the wind. The seat of an open car is as still as one on the ground.
-fn still_pressure(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32, fastest: &Fastest) -> f64 {
+fn still_pressure(LoadInputs { cloth, motion, attributes, dt, .. }: LoadInputs<'_>, fastest: &Fastest) -> f64 {
     let still = pressure(attributes);
     if still == 0.0 {
         return still;
@@ -239,7 +233,7 @@ const HITCH: f32 = 4.0;
 
 /// The largest change of a pin's velocity in a step over `dt` (m/s²). Pins that followed targets in the last step and no
 /// longer do stop at once.
-fn pin_acceleration(cloth: &Cloth, motion: &Motion, attributes: &Attributes, dt: f32) -> f64 {
+fn pin_acceleration(LoadInputs { cloth, motion, attributes, dt, .. }: LoadInputs<'_>) -> f64 {
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     if targets.is_empty() && motion.dt == 0.0 {
         return 0.0;
@@ -267,14 +261,8 @@ fn is_near(cloth: &Cloth, collider: &Collider, travel: f64, dt: f64, whereabouts
 /// Half the range of the velocities (m/s) of pins and of mesh colliders near the cloth: their largest distance from the
 /// midpoint of the range. A common motion of all of them does not count, and of a moving character only the parts that come near
 /// the cloth do.
-fn kinematic_speed(
-    cloth: &Cloth,
-    motion: &Motion,
-    attributes: &Attributes,
-    dt: f32,
-    thickness: f32,
-    whereabouts: Option<Whereabouts>,
-) -> f64 {
+fn kinematic_speed(inputs: LoadInputs<'_>, thickness: f32, whereabouts: Option<Whereabouts>) -> f64 {
+    let LoadInputs { cloth, motion, attributes, dt, .. } = inputs;
     let targets = attributes.pin_targets.as_deref().unwrap_or_default();
     let held = (targets.is_empty() && cloth.has_pins()).then_some(Vec3::ZERO);
     let pins = cloth.pinned.iter().zip(targets.iter().zip(&motion.pins)).filter(|(pin, _)| cloth.is_used(**pin));

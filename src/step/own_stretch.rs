@@ -68,8 +68,8 @@ pub(crate) fn own_stretch(cloth: &Cloth, stress: f64, share: f32, speed: f64) ->
 fn concentration(cloth: &Cloth, share: f32) -> f64 {
     let rest = rest(cloth, share);
     // Around a pin the area grows with the square of the distance.
-    let near = cloth.near * (rest / 0.01).sqrt();
-    if near > 0.0 { near / (2.0 * rest * cloth.extent) } else { 0.0 }
+    let near = cloth.extents.near * (rest / 0.01).sqrt();
+    if near > 0.0 { near / (2.0 * rest * cloth.extents.extent) } else { 0.0 }
 }
 
 /// The share of the area whose stretch is not bounded, at least a vertex.

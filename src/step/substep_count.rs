@@ -75,7 +75,7 @@ pub(crate) struct Rates {
 impl Rates {
     pub(crate) fn new(cloth: &Cloth, options: &Options) -> Rates {
         let explicit = if options.method == Method::Springs { explicit_rate(cloth, options.fabric) } else { 0.0 };
-        let of_part = if cloth.parts > 1 && (options.mass.is_some() || options.edge_scale.is_some()) {
+        let of_part = if cloth.extents.parts > 1 && (options.mass.is_some() || options.edge_scale.is_some()) {
             loads_of_parts(cloth)
         } else {
             Vec::new()
@@ -173,7 +173,7 @@ impl Rates {
     /// Substeps per second that resolve the cloth's stiffness, up to the stiffness at which its own weight stretches it
     /// by 1e-4; resolving more has no visible effect.
     pub(crate) fn resolving_what_shows(&self, cloth: &Cloth) -> f64 {
-        let useful = cloth.density * STANDARD_GRAVITY * cloth.extent / 1e-4;
+        let useful = cloth.density * STANDARD_GRAVITY * cloth.extents.extent / 1e-4;
         self.resolving(cloth.membrane_stiffness.min(useful))
     }
 

@@ -60,7 +60,7 @@ impl Folded {
     /// Detects all pairs, or those around some vertices.
     fn detect(&mut self, around: Option<&[u32]>) {
         let Folded { surface, trees: [of_cloth, of_bodies], paths, detection, lists } = self;
-        let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, workers: Workers::ALONE };
+        let path = Path { x: &paths.from, u: &paths.by, margin: &paths.margin, floats: false, workers: Workers::ALONE };
         let scope = DetectionScope { substeps: paths.ahead, thickness: THICKNESS };
         let input = DetectionInput { surface, bodies_rest: false, path, scope, width: Width::detected() };
         match around {
@@ -115,9 +115,9 @@ fn around_vertices_with_new_paths_all_pairs_are_listed() {
             x[vertex as usize] += Vec3A::new(shift(), shift(), shift()).extend(0.0);
             u[vertex as usize] += Vec3A::new(shift(), shift(), shift()).extend(0.0) * 0.05;
         }
-        let path = Path { x: &x, u: &u, margin: &[], workers: Workers::ALONE };
+        let path = Path { x: &x, u: &u, margin: &[], floats: false, workers: Workers::ALONE };
         let unpressed = vec![false; x.len()];
-        folded.paths.restart(&around, path, &unpressed, &folded.surface, 0.1 * THICKNESS, false);
+        folded.paths.restart(&around, path, &unpressed, &folded.surface, 0.1 * THICKNESS);
         let before = folded.listed();
         folded.detect(Some(&around));
         let (surface, trees) = trees(&cloth, &body);

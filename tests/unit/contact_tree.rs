@@ -15,7 +15,7 @@ use crate::options::{Contact, Options};
 /// The leaves that are compared with themselves if the vertices stand still at `x`.
 fn compared(surface: &Surface, tree: &mut Tree, x: &[Vec4]) -> Vec<u32> {
     let still = vec![Vec4::ZERO; x.len()];
-    let path = Path { x, u: &still, margin: &vec![0.0; x.len()], workers: Workers::ALONE };
+    let path = Path { x, u: &still, margin: &vec![0.0; x.len()], floats: false, workers: Workers::ALONE };
     let (mut boxes, mut found) = (Boxes::default(), Vec::new());
     boxes.bound(tree.leaves.all()[0].clone(), Workers::ALONE, |triangle| {
         let [a, b, c] = surface.triangles[triangle].map(|vertex| xyz(x[vertex as usize]));

@@ -3,6 +3,7 @@
 use glam::{Vec3A, Vec4};
 
 use super::*;
+use crate::cpu::edge_batches::EdgeBatches;
 use crate::cpu::partition::Partition;
 use crate::cpu::tasks::shared::{SharedArray, Task};
 use crate::kernels::distance::Edge;
@@ -11,6 +12,7 @@ use crate::model::cloth::Cloth;
 use crate::model::shells::tests::cushion;
 use crate::oracle;
 use crate::simd::aligned::AlignedVec;
+use crate::simd::{self, Width};
 use crate::step::coefficients::Coefficients;
 use crate::step::substep_count::Length;
 use crate::{Fabric, Mesh, Options};
@@ -50,7 +52,8 @@ fn swept(cloth: &Cloth, from: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rul
         let batches = EdgeBatches::new(pieces, edges, &cloth.colors, &weights, width.lanes());
         let [x, u, predicted] = [&mut x, &mut u, &mut predicted].map(|values| SharedArray::new(values.room()));
         let [x, u, predicted] = [&x, &u, &predicted].map(|values| values.within(&task));
-        (0..pieces.len()).for_each(|piece| sweep(&batches, piece, rule, x, u, predicted, width));
+        let batches = (0..pieces.len()).flat_map(|piece| batches.of(piece));
+        batches.for_each(|batch| simd::run(width, SweepRows { rule, batch, x, u, predicted }));
     }
     u.to_vec()
 }

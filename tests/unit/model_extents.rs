@@ -6,8 +6,7 @@ use crate::{Mesh, Options};
 use super::*;
 
 fn extents_of(mesh: &Mesh, pinned: &[u32]) -> Extents {
-    let cloth = Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..Options::default() }).unwrap();
-    Extents { sides: cloth.extents, extent: cloth.extent, near: cloth.near, parts: cloth.parts }
+    Cloth::new(mesh, &Options { pinned: pinned.to_vec(), ..Options::default() }).unwrap().extents
 }
 
 fn assert_near(found: Extents, sides: [f64; 3], extent: f64) {

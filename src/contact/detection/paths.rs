@@ -95,15 +95,14 @@ impl Paths {
         self.by.get(first..).is_some_and(|by| by.iter().any(|by| xyz(*by) != Vec3A::ZERO))
     }
 
-    /// Whether all vertices will be close to their paths after this substep. If `floats`, there are no kinematic
-    /// vertices, and the mean deviation is subtracted first: a common translation brings no two vertices closer to each
-    /// other.
-    pub(crate) fn are_followed(&self, path: Path<'_>, floats: bool, width: Width) -> bool {
+    /// Whether all vertices will be close to their paths after this substep. Of cloth that [floats](Path::floats), the mean deviation
+    /// is subtracted first: a common translation brings no two vertices closer to each other.
+    pub(crate) fn are_followed(&self, path: Path<'_>, width: Width) -> bool {
         let Some(since) = self.since else { return false };
         if since >= self.ahead || self.from.len() < path.x.len() {
             return false;
         }
-        let (substeps, [common, _]) = (since + 1.0, self.common(path, floats));
+        let (substeps, [common, _]) = (since + 1.0, self.common(path));
         let all = AtomicBool::new(true);
         let test = |[x, u, from, by]: [&[Vec4]; 4]| simd::run(width, OnPath { x, u, from, by, substeps, common, all: &all });
         let (count, part) = (path.x.len(), path.workers.part(path.x.len(), VERTICES_OF_PART));
@@ -114,12 +113,12 @@ impl Paths {
     }
 
     /// Finds the vertices that have strayed, or will soon. Returns false if these are many, or if the paths are over.
-    pub(crate) fn strayed(&self, path: Path<'_>, floats: bool, strayed: &mut Vec<u32>) -> bool {
+    pub(crate) fn strayed(&self, path: Path<'_>, strayed: &mut Vec<u32>) -> bool {
         strayed.clear();
         if self.since.is_none_or(|since| since >= self.ahead) || self.from.len() < path.x.len() {
             return false;
         }
-        let [common, _] = self.common(path, floats);
+        let [common, _] = self.common(path);
         let most = ((FEW * path.x.len() as f32) as usize).saturating_sub(self.renewed as usize);
         let is_near =
             |vertex: usize| ((self.strayed_by(path, vertex) - common) * self.by[vertex].w).length_squared() < NEARLY * NEARLY;
@@ -128,16 +127,8 @@ impl Paths {
     }
 
     /// Starts new paths for some vertices, as if they had been on them since the last detection; `pressed` as in [`Paths::begin`].
-    pub(crate) fn restart(
-        &mut self,
-        vertices: &[u32],
-        path: Path<'_>,
-        pressed: &[bool],
-        surface: &Surface,
-        least: f32,
-        floats: bool,
-    ) {
-        let [common, rate] = self.common(path, floats);
+    pub(crate) fn restart(&mut self, vertices: &[u32], path: Path<'_>, pressed: &[bool], surface: &Surface, least: f32) {
+        let [common, rate] = self.common(path);
         let steps = self.since.map_or(0.0, |since| since + 1.0);
         self.renewed += vertices.len() as u32;
         for vertex in vertices.iter().map(|&vertex| vertex as usize) {
@@ -157,10 +148,11 @@ impl Paths {
 
     /// How much farther (m) than it may a vertex at `x` with the displacement `u` (m) gets from its path in this substep, which is
     /// counted already.
-    pub(crate) fn drift<'a>(&'a self, path: Path<'_>, floats: bool) -> impl Fn(usize, Vec3A, Vec3A) -> f32 + Sync + use<'a> {
+    pub(crate) fn drift<'a>(&'a self, path: Path<'_>) -> impl Fn(usize, Vec3A, Vec3A) -> f32 + Sync + use<'a> {
         let over = self.since.unwrap_or_default();
         let strayed = move |vertex: usize, x: Vec3A, u: Vec3A| x - xyz(self.from[vertex]) + (u - xyz(self.by[vertex]) * over);
-        let common = mean_of(floats.then_some(path.x.len()), |vertex| strayed(vertex, xyz(path.x[vertex]), xyz(path.u[vertex])));
+        let common =
+            mean_of(path.floats.then_some(path.x.len()), |vertex| strayed(vertex, xyz(path.x[vertex]), xyz(path.u[vertex])));
         move |vertex, x, u| (strayed(vertex, x, u) - common).length() - self.margin[vertex]
     }
 
@@ -171,24 +163,24 @@ impl Paths {
     }
 
     /// An estimate of the common deviation (m), from a few vertices, and its growth in this substep; zero unless the cloth
-    /// `floats`. Accuracy does not matter: subtracting the same vector from all vertices is always valid.
-    fn common(&self, path: Path<'_>, floats: bool) -> [Vec3A; 2] {
+    /// [floats](Path::floats). Accuracy does not matter: subtracting the same vector from all vertices is always valid.
+    fn common(&self, path: Path<'_>) -> [Vec3A; 2] {
         let growth = |vertex: usize| xyz(path.u[vertex]) - xyz(self.by[vertex]);
         let of = path.x.len();
-        [mean_of(floats.then_some(of), |vertex| self.strayed_by(path, vertex)), mean_of(floats.then_some(of), growth)]
+        [mean_of(path.floats.then_some(of), |vertex| self.strayed_by(path, vertex)), mean_of(path.floats.then_some(of), growth)]
     }
 
     /// Chooses the margin of each vertex from how far it strayed since the last detection, so that the next paths
     /// last; if the list is short, the margins are the largest that the surface allows. Looks farther ahead if the last paths
     /// lasted, unless the list is long already.
-    pub(crate) fn adapt(&mut self, path: Path<'_>, last: Last, surface: &Surface, least: f32, floats: bool) {
+    pub(crate) fn adapt(&mut self, path: Path<'_>, last: Last, surface: &Surface, least: f32) {
         let Last { is_short, is_long, crosses } = last;
         let most = &surface.max_margin;
         let known = self.since.filter(|_| self.from.len() == path.x.len() && !is_short);
         let mut margin = std::mem::take(&mut self.margin);
         margin.resize(path.x.len(), 0.0);
         if let Some(since) = known {
-            let [common, _] = self.common(path, floats);
+            let [common, _] = self.common(path);
             let lasts = if crosses { LASTS_CROSSED } else { LASTS };
             let longer = (lasts / (since + 1.0)).max(1.0).powf(1.5);
             path.workers.chunks(&mut margin, VERTICES_OF_PART, |first, margin| {

@@ -107,7 +107,7 @@ impl HostContact {
 
     /// What is kinematic: `has_kinematic` of `shared.wgsl`.
     pub(crate) fn kinematic(&self, plan: &Plan<'_>) -> u32 {
-        if plan.cloth.has_pins() || self.bodies.may_meet() {
+        if plan.cloth.has_pins() || self.bodies.may_meet {
             SOMETHING
         } else if plan.meshes.is_empty() {
             NOTHING
@@ -121,7 +121,7 @@ impl HostContact {
     pub(crate) fn turn(&self, plan: &Plan<'_>) -> [Vec4; 5] {
         let fraction = plan.params.fraction;
         let near = |motion: &[Vec3; 2]| {
-            self.bodies.may_meet() && plan.whereabouts.is_none_or(|cloth| is_near(*motion, [cloth.low, cloth.high]))
+            self.bodies.may_meet && plan.whereabouts.is_none_or(|cloth| is_near(*motion, [cloth.low, cloth.high]))
         };
         let of_meshes = motions(plan).filter(near).map(|[from, by]| (Vec3A::from(from), Vec3A::from(by * fraction)));
         let turning =

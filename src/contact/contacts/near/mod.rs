@@ -223,15 +223,9 @@ impl Loop for FindAgain<'_> {
                 let thickness = number::<L>(&group.thickness, first);
                 let corners = &group.block.corners[lanes.clone()];
                 let proximity = proximity_of(kind, [x, u], corners, [thickness, full], most_push, is_pair);
+                let opposite = Some(&group.opposite[lanes.clone()]);
+                let (acts, [free, last]) = proximity.acting(kind, u, corners, opposite, thickness, around);
                 proximity.note(kind, thickness, &mut group.block, first);
-                let (acts, [free, last]) = proximity.acting(
-                    kind,
-                    u,
-                    &group.block.corners[lanes.clone()],
-                    Some(&group.opposite[lanes.clone()]),
-                    thickness,
-                    around,
-                );
                 let weights = kind.weights(free, last);
                 for (to, weights) in to.0.iter_mut().zip(weights) {
                     store(&mut to[lanes.clone()], L::select(acts, weights, zero));
