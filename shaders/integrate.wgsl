@@ -9,7 +9,7 @@ struct Pin {
 
 // Leapfrog; exact for linear drag.
 fn predict_displacement(p: vec3f, substep: Substep) -> vec3f {
-    return p * substep.carry + params.acceleration * substep.gain;
+    return p * substep.carry + substep.fall;
 }
 
 // The displacement of a pin to its prescribed position at the end of the substep.

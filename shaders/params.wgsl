@@ -2,9 +2,8 @@
 // member; tests/unit/gpu_layout.rs compares them.
 
 struct Params {
-    acceleration: vec3f,
-    h: f32,
     wind: vec3f,
+    h: f32,
     half_density: f32,
     drag: f32,
     lift: f32,
@@ -17,9 +16,9 @@ struct Params {
     substeps: u32,
     sweeps: u32,
     relaxed: u32,
-    levels: u32,
     drift: vec3f,
     coarse_rule: u32,
+    levels: u32,
     edges: u32,
     per_length: f32,
     per_mass: f32,
@@ -27,12 +26,14 @@ struct Params {
     tethers: u32,
     load: f32,
     checks: u32,
-    used: u32,
     up: vec3f,
     per_slack: f32,
+    padding: vec3f,
+    used: u32,
 }
 
 struct Substep {
+    fall: vec3f,
     carry: f32,
     gain: f32,
     rate: f32,

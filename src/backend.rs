@@ -274,20 +274,20 @@ impl Engine {
 
     /// Replaces the cloth by its changed version, with the same state but other inverse masses. Changes nothing if it
     /// fails.
-    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU takes the state"))]
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "a CPU knows the cloth from each step"))]
     pub(crate) fn change(
         &mut self,
         cloth: &Cloth,
         options: &Options,
         change: Change,
-        [x, p]: [&[Vec4]; 2],
+        state: [&[Vec4]; 2],
     ) -> Result<(), Failure> {
         match self {
-            Engine::Cpu(cpu) => cpu.change(cloth, change),
+            Engine::Cpu(cpu) => cpu.change(change, state),
             #[cfg(feature = "gpu")]
-            Engine::Hybrid(hybrid) => hybrid.change(cloth, change)?,
+            Engine::Hybrid(hybrid) => hybrid.change(cloth, change, state)?,
             #[cfg(feature = "gpu")]
-            Engine::Gpu(gpu) => gpu.change(cloth, options.method, change, [x, p])?,
+            Engine::Gpu(gpu) => gpu.change(cloth, options.method, change, state)?,
         }
         Ok(())
     }

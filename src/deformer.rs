@@ -148,9 +148,9 @@ impl Deformer {
     /// Advances the cloth by `dt` (s). A step of 0 s only checks the attributes; the next step continues from where the
     /// motion was.
     ///
-    /// Before the first step from a state that was placed, exactly flat parts of the cloth are moved out of their plane by
-    /// up to a millionth of their size if gravity acts along it: otherwise they could not fold, and pins that close
-    /// on each other would crush them in their plane. Likewise cloth that lies flat on a plane or a box, or floats without gravity, and
+    /// Before the first step from a state that was placed, exactly flat parts of the cloth, and straight threads, are moved out of their
+    /// plane or line if gravity acts along it: by up to a millionth of their size, or by some roundings of their coordinates if that is
+    /// more. Otherwise they could not fold, and pins that close on each other would crush them. Likewise cloth that lies flat on a plane or a box, or floats without gravity, and
     /// is pushed together by pins or colliders gets a kick of some thousandths of an edge out of its plane, from which it wrinkles. On a GPU
     /// that takes statistics, which [`Quality::Substeps`] does without unless [`Options::sleep`] needs them.
     ///
@@ -299,6 +299,8 @@ impl Deformer {
         self.state.watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let motion = &mut self.state.motion;
         (motion.dt, motion.h, motion.placed) = (dt, length.h, None);
+        motion.acceleration = attributes.acceleration();
+        motion.new_pins.clear();
         motion.colliders.clone_from(&attributes.colliders);
         motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);
         self.state.gravity = attributes.gravity;

@@ -155,3 +155,32 @@ fn a_failed_step_undoes_its_kick() {
         cloth.step(FRAME, &rug.led(0.005 * frame as f32)).unwrap();
     }
 }
+
+/// A straight thread along gravity folds like a sheet: one that falls on its end, and one whose ends are brought together.
+#[test]
+fn a_straight_thread_folds() {
+    let count = 21;
+    let positions: Vec<Vec3> = (0..count).map(|k| Vec3::Y * (0.1 + k as f32 / (count - 1) as f32)).collect();
+    let mesh = Mesh { positions, triangles: (1..count).map(|k| [k - 1, k, k]).collect() };
+    let ends = vec![0, count - 1];
+    for quality in [Quality::Strain(0.03), Quality::Substeps(15)] {
+        for (pinned, colliders) in [(Vec::new(), vec![floor()]), (ends.clone(), Vec::new())] {
+            let is_led = !pinned.is_empty();
+            let options = Options { backend: Backend::Cpu, quality, pinned, fabric: Fabric::COTTON, ..Options::default() };
+            let mut thread = Deformer::new(&mesh, options).unwrap();
+            for frame in 1..=120 {
+                let by = Vec3::Y * (0.5 * (frame as f32 / 60.0).min(1.0));
+                let pin_targets = is_led.then(|| vec![mesh.positions[0], mesh.positions[count as usize - 1] - by]);
+                thread.step(FRAME, &Attributes { colliders: colliders.clone(), pin_targets, ..Attributes::default() }).unwrap();
+            }
+            let x = thread.positions().unwrap();
+            let length: f64 = x.windows(2).map(|ends| f64::from(ends[0].distance(ends[1]))).sum();
+            let aside = x.iter().map(|x| x.with_y(0.0).length()).fold(0.0, f32::max);
+            println!(
+                "{quality:?}, led {is_led}: {length} m long, {aside} m aside, the highest vertex at {}",
+                x[count as usize - 1].y
+            );
+            assert!((length - 1.0).abs() < 0.03 && aside > 0.1, "{quality:?}: {length} m long, {aside} m aside");
+        }
+    }
+}

@@ -179,12 +179,11 @@ impl Cpu {
 
     /// Continues with changed parameters of the cloth. A change of stiffness needs nothing here: it changes
     /// `Length::changes`, so the coefficients are packed again for the next step.
-    pub(crate) fn change(&mut self, cloth: &Cloth, change: Change) {
+    pub(crate) fn change(&mut self, change: Change, [x, p]: [&[Vec4]; 2]) {
         if change == Change::Stiffness {
             return;
         }
-        self.x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
-        cloth.stop_loose(&mut self.p);
+        self.put(x, p);
         self.packed.forget(change);
     }
 

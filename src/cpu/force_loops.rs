@@ -86,7 +86,6 @@ pub(super) struct BendForces<'t> {
     pub u: View<'t>,
     pub moments: View<'t>,
     pub couples: Option<View<'t>>,
-    pub params: &'t Params,
     pub substep: &'t Substep,
 }
 
@@ -95,7 +94,7 @@ impl Loop for BendForces<'_> {
     fn run<L: Registers>(self) {
         let BendForces { rings, x, u, moments, couples, substep, .. } = self;
         let zero = L::splat(0.0);
-        let fall = Vector::splat(self.params.acceleration) * L::splat(substep.gain);
+        let fall = Vector::splat(substep.fall);
         for group in self.groups {
             let first = group * L::LANES;
             let RingLanes { diagonal, inverse_mass, .. } = rings.group::<L>(group);

@@ -158,8 +158,8 @@ impl Forces<'_> {
     pub(crate) fn bend(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let couples = (!self.couples.is_empty()).then(|| self.couples.within(task));
         let (x, u, moments) = (self.x.within(task), self.u.within(task), self.moments.within(task));
-        let (groups, params) = (self.groups(&tile), &self.plan.params);
-        simd::run(self.width, BendForces { rings: self.rings, groups, x, u, moments, couples, params, substep });
+        let groups = self.groups(&tile);
+        simd::run(self.width, BendForces { rings: self.rings, groups, x, u, moments, couples, substep });
     }
 
     /// Adds the wind and spring forces to the displacements of a tile's vertices.

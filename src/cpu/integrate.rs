@@ -69,7 +69,7 @@ impl Integrator<'_> {
 
     /// The displacement (m) that the ambient acceleration adds in a substep.
     fn ambient(&self, substep: &Substep) -> Vec4 {
-        (Vec3::from(self.plan.params.acceleration) * substep.gain).extend(0.0)
+        Vec3::from(substep.fall).extend(0.0)
     }
 }
 

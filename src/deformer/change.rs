@@ -63,6 +63,7 @@ impl Deformer {
         self.check_late_failure()?;
         let [mut x, mut p] = if change == Change::Stiffness { [Vec::new(), Vec::new()] } else { self.read_state()? };
         x.iter_mut().zip(&cloth.rest).for_each(|(x, rest)| x.w = rest.w);
+        self.release(&cloth, &mut p);
         cloth.stop_loose(&mut p);
         let changed = self.engine.change(&cloth, &options, change, [&x, &p]);
         changed.map_err(|failure| self.failed(failure))?;
@@ -79,9 +80,24 @@ impl Deformer {
         Ok(())
     }
 
+    /// Makes the displacements (m) of vertices that are pins no more those of half a substep ago, as free ones are: unlike them, pins
+    /// have moved at their present velocity until now, and have not been accelerated.
+    fn release(&self, cloth: &Cloth, p: &mut [Vec4]) {
+        let Motion { h, acceleration, new_pins, .. } = &self.state.motion;
+        let before = (acceleration * (0.5 * h * h)).extend(0.0);
+        for vertex in self.cloth.pinned.iter().filter(|vertex| new_pins.binary_search(vertex).is_err()) {
+            if let Some(p) = p.get_mut(*vertex as usize).filter(|_| cloth.rest[*vertex as usize].w > 0.0) {
+                *p -= before;
+            }
+        }
+    }
+
     /// Updates the pins' positions and velocities; pins that stay keep theirs.
     fn repin(&mut self, cloth: &Cloth, x: &[Vec4]) {
-        let Motion { pins, pin_velocities, .. } = &self.state.motion;
+        let Motion { pins, pin_velocities, new_pins, .. } = &self.state.motion;
+        let is_new = |vertex: &u32| self.cloth.rest[*vertex as usize].w > 0.0 || new_pins.binary_search(vertex).is_ok();
+        let mut new_pins: Vec<u32> = cloth.pinned.iter().copied().filter(is_new).collect();
+        new_pins.sort_unstable();
         let mut before = vec![None; x.len()];
         self.cloth.pinned.iter().enumerate().for_each(|(slot, &vertex)| before[vertex as usize] = Some(slot));
         let slots: Vec<Option<usize>> = cloth.pinned.iter().map(|&vertex| before[vertex as usize]).collect();
@@ -92,6 +108,7 @@ impl Deformer {
         let velocity = |slot: &Option<usize>| slot.map_or(course, |slot| pin_velocities.get(slot).copied().unwrap_or_default());
         let pin_velocities =
             if pin_velocities.is_empty() && course == Vec3::ZERO { Vec::new() } else { slots.iter().map(velocity).collect() };
-        (self.state.motion.pins, self.state.motion.pin_velocities) = (pins, pin_velocities);
+        let motion = &mut self.state.motion;
+        (motion.pins, motion.pin_velocities, motion.new_pins) = (pins, pin_velocities, new_pins);
     }
 }

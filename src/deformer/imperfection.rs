@@ -48,14 +48,17 @@ impl Deformer {
     /// hardly anything compresses it: nothing is moved.
     pub(super) fn make_imperfect(&mut self, gravity: Vec3) {
         let gravity = gravity.as_dvec3();
-        let is_along = |part: &&FlatPart| gravity != DVec3::ZERO && gravity.dot(part.normal).abs() <= ACROSS * gravity.length();
+        let is_along = |part: &&FlatPart| {
+            let across = part.line.map_or_else(|| gravity.dot(part.normal).abs(), |line| gravity.cross(line).length());
+            gravity != DVec3::ZERO && across <= ACROSS * gravity.length()
+        };
         let Some(start) = &self.flat_start else { return };
         let mut parts = start.parts.iter().filter(is_along).peekable();
         if parts.peek().is_none() {
             return;
         }
         let [mut x, p] = start.state(&self.cloth);
-        for FlatPart { normal, vertices, extent, farthest } in parts {
+        for FlatPart { normal, vertices, extent, farthest, .. } in parts {
             let most = (IMPERFECTION * extent).max(ROUNDINGS * f64::from(f32::EPSILON) * farthest);
             for &vertex in vertices {
                 let (x, name) = (&mut x[vertex as usize], self.cloth.order[vertex as usize]);

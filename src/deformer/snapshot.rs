@@ -14,7 +14,7 @@ use crate::record::{Hash, Recorded, recorded};
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 15;
+const VERSION: u32 = 16;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
@@ -184,6 +184,7 @@ impl Deformer {
             && motion.h >= 0.0
             && motion.dt >= 0.0
             && motion.course.is_finite()
+            && motion.acceleration.is_finite()
             && motion.pins.len() == pins
             && [0, pins].contains(&motion.pin_velocities.len())
             && awaiting_statistics.len() == engine.pending.len()

@@ -107,17 +107,21 @@ impl Deformer {
         let cloth = &self.cloth;
         let local = |vertex: u32| positions[vertex as usize] - cloth.origin;
         let x: Vec<Vec4> = cloth.order.iter().zip(&cloth.rest).map(|(&vertex, rest)| local(vertex).extend(rest.w)).collect();
-        self.set_local(&x, velocities);
+        self.set_local(&x, velocities, 0.0);
         Ok(())
     }
 
-    /// Sets the state: local positions (m) in the cloth's order, and velocities (m/s) in the mesh's.
-    pub(super) fn set_local(&mut self, x: &[Vec4], velocities: &[Vec3]) {
+    /// Sets the state: local positions (m) in the cloth's order, and velocities (m/s) in the mesh's, as of the middle of a substep of `h`
+    /// (s) that ends now; of this time, if that is 0.
+    pub(super) fn set_local(&mut self, x: &[Vec4], velocities: &[Vec3], h: f32) {
         let cloth = &self.cloth;
         let mut p: Vec<Vec4> = cloth.order.iter().map(|&vertex| velocities[vertex as usize].extend(0.0)).collect();
         cloth.stop_loose(&mut p);
         self.state.motion = Motion::placed(cloth, x, &p);
         self.state.watch = self.state.watch.placed(cloth, x, &p);
+        self.state.motion.h = h;
+        let unit = self.state.motion.unit();
+        p.iter_mut().for_each(|p| *p = (p.truncate() * unit).extend(h));
         self.engine.set(x, &p);
         self.flat_start = FlatStart::placed(x, &p, &self.cloth);
         self.forget();

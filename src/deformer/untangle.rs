@@ -9,6 +9,7 @@ use crate::error::StepError;
 use crate::kernels::contact::Body;
 use crate::model::mesh::Mesh;
 use crate::step::bodies::moving;
+use crate::step::motion::Motion;
 
 /// The result of [`Deformer::untangle`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,11 +58,13 @@ impl Deformer {
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {
-            let (dt, pin_velocities) = (self.state.motion.dt, std::mem::take(&mut self.state.motion.pin_velocities));
-            self.set_local(&x, &self.velocities.clone());
+            let Motion { dt, h, acceleration, .. } = self.state.motion;
+            let pin_velocities = std::mem::take(&mut self.state.motion.pin_velocities);
+            self.set_local(&x, &self.velocities.clone(), h);
             // What moves goes on from where it is now.
             self.flat_start = self.flat_start.take().filter(|_| dt == 0.0);
-            (self.state.motion.dt, self.state.motion.pin_velocities) = (dt, pin_velocities);
+            let motion = &mut self.state.motion;
+            (motion.dt, motion.acceleration, motion.pin_velocities) = (dt, acceleration, pin_velocities);
             self.state.motion.colliders.clone_from(&attributes.colliders);
         }
         Ok(Untangled { before, after, farthest })

@@ -79,7 +79,7 @@ impl Hybrid {
     }
 
     /// Continues with changed parameters of the cloth.
-    pub(crate) fn change(&mut self, cloth: &Cloth, change: Change) -> Result<(), GpuFault> {
+    pub(crate) fn change(&mut self, cloth: &Cloth, change: Change, state: [&[glam::Vec4]; 2]) -> Result<(), GpuFault> {
         if change == Change::Stiffness {
             self.forces.forget_springs();
             return Ok(());
@@ -87,7 +87,7 @@ impl Hybrid {
         let mut made = Hybrid::new(self.gpu.clone(), cloth)?;
         std::mem::swap(&mut made.cpu, &mut self.cpu);
         *self = made;
-        self.cpu.change(cloth, change);
+        self.cpu.change(change, state);
         Ok(())
     }
 

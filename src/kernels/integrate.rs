@@ -19,7 +19,7 @@ pub(crate) struct Pin {
 
 /// The displacement (m) predicted from the last one and the ambient acceleration, by leapfrog; exact for linear drag.
 ///
-/// `carry` is [`Substep::carry`], and `fall` is the acceleration times [`Substep::gain`] (m).
+/// `carry` is [`Substep::carry`], and `fall` is [`Substep::fall`].
 #[inline(always)]
 pub(crate) fn predict_displacement<V: Mul<Output = V> + Add<Output = V>>(p: V, carry: V, fall: V) -> V {
     p * carry + fall

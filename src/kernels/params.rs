@@ -6,12 +6,10 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct Params {
-    /// Gravity plus the linear drag toward the wind, `g + c v_air` (m/s²).
-    pub acceleration: [f32; 3],
-    /// Substep (s).
-    pub h: f32,
     /// Velocity of the air (m/s).
     pub wind: [f32; 3],
+    /// Substep (s).
+    pub h: f32,
     /// Half the density of the air (kg/m³).
     pub half_density: f32,
     pub drag: f32,
@@ -33,12 +31,12 @@ pub(crate) struct Params {
     pub sweeps: u32,
     /// 1 if edges are corrected by Jakobsen's relaxation instead of projection.
     pub relaxed: u32,
-    /// Coarse levels in use.
-    pub levels: u32,
     /// Mean displacement (m) of the pins in a substep.
     pub drift: [f32; 3],
     /// How coarse edges are corrected: [`PULL_COARSE`], [`HOLD_COARSE`] or [`PROJECT_COARSE`].
     pub coarse_rule: u32,
+    /// Coarse levels in use.
+    pub levels: u32,
     /// Number of edges that are swept.
     pub edges: u32,
     /// Bounds of the instability watch (`kernels::watch`). One over the displacement (m) in a substep at the greatest
@@ -54,13 +52,14 @@ pub(crate) struct Params {
     pub load: f32,
     /// 1 if tiles check the result of the step in its last substep, because nothing follows it.
     pub checks: u32,
-    /// Number of vertices with edges, which come first.
-    pub used: u32,
     /// The unit vector opposite to gravity; 0 without gravity.
     pub up: [f32; 3],
     /// One over the band in which coarse edges push with [`PROJECT_COARSE`]: `SLACK_BAND` of `kernels::distance`, or
     /// `SLACK_BAND_OF_FEW`.
     pub per_slack: f32,
+    pub padding: [f32; 3],
+    /// Number of vertices with edges, which come first.
+    pub used: u32,
 }
 
 /// Values of [`Params::coarse_rule`], named after the functions of `kernels::distance`.
@@ -72,6 +71,8 @@ pub(crate) const PROJECT_COARSE: u32 = 2;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
 pub(crate) struct Substep {
+    /// Displacement (m) under the ambient acceleration.
+    pub fall: [f32; 3],
     /// Factor from the last displacement to its contribution to this one: drag, and the ratio of this substep to the
     /// last.
     pub carry: f32,

@@ -1,4 +1,4 @@
-//! The connected parts of a cloth that lie exactly in a plane.
+//! The connected parts of a cloth that lie exactly in a plane, or on a line.
 
 use glam::{DVec3, Vec4};
 
@@ -13,6 +13,8 @@ const ROUNDING: f64 = 5e-7;
 /// A part of a cloth that lies in a plane.
 pub(crate) struct FlatPart {
     pub normal: DVec3,
+    /// The direction of the line that it lies on, if it is a straight thread. The normal is then any vector across it.
+    pub line: Option<DVec3>,
     pub vertices: Vec<u32>,
     /// The longest side of its bounding box, and its largest coordinate (m).
     pub extent: f64,
@@ -30,14 +32,18 @@ pub(crate) fn flat_parts(x: &[Vec4], triangles: &[[u32; 3]]) -> Vec<FlatPart> {
         *sum += if area.dot(*sum) < 0.0 { -area } else { area };
     }
     let by_part = Csr::new(x.len(), part.iter().copied().zip(0..));
-    let lists = by_part.lists().zip(normal.iter().map(|normal| normal.normalize_or_zero()));
-    let parts = lists.filter(|(_, normal)| *normal != DVec3::ZERO).filter_map(|(vertices, normal)| {
+    let parts = by_part.lists().zip(normal).filter(|(vertices, _)| vertices.len() > 1).filter_map(|(vertices, normal)| {
         let [low, high] = bounds(vertices.iter().map(|&vertex| x[vertex as usize].truncate()));
         let farthest = f64::from(low.abs().max(high.abs()).max_element());
-        let height = |vertex: u32| at(vertex).dot(normal);
-        let is_flat = vertices.iter().all(|&v| (height(v) - height(vertices[0])).abs() <= ROUNDING * farthest);
         let extent = f64::from((high - low).max_element());
-        is_flat.then(|| FlatPart { normal, vertices: vertices.to_vec(), extent, farthest })
+        let part = |normal, line| FlatPart { normal, line, vertices: vertices.to_vec(), extent, farthest };
+        let from_first = || vertices.iter().map(|&vertex| at(vertex) - at(vertices[0]));
+        if let Some(normal) = normal.try_normalize() {
+            return from_first().all(|to| to.dot(normal).abs() <= ROUNDING * farthest).then(|| part(normal, None));
+        }
+        let line = from_first().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?.try_normalize()?;
+        let is_straight = from_first().all(|to| to.reject_from_normalized(line).length() <= ROUNDING * farthest);
+        is_straight.then(|| part(line.any_orthonormal_vector(), Some(line)))
     });
     parts.collect()
 }

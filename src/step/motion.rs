@@ -18,10 +18,14 @@ pub(crate) struct Motion {
     pub dt: f32,
     /// Its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
     pub h: f32,
+    /// Its ambient acceleration (m/s²).
+    pub acceleration: Vec3,
     /// Its colliders, from which those of the next step move; empty if the state was set.
     pub colliders: Vec<Collider>,
     /// Positions of the pins at its end (m), in local coordinates.
     pub pins: Vec<Vec3>,
+    /// Those of its vertices that were pinned since, as places in [`Cloth::order`], ascending.
+    pub new_pins: Vec<u32>,
     /// Velocities (m/s) at which the pins moved, or that they were given with a state; empty if they followed no targets.
     pub pin_velocities: Vec<Vec3>,
     /// Velocity (m/s) at which the cloth moves as a whole, as far as statistics tell: see [`Motion::observe`].
@@ -30,7 +34,7 @@ pub(crate) struct Motion {
     pub placed: Option<Whereabouts>,
 }
 
-recorded!(Motion { dt, h, colliders, pins, pin_velocities, course, placed });
+recorded!(Motion { dt, h, acceleration, colliders, pins, new_pins, pin_velocities, course, placed });
 
 /// The box around the cloth (m, in local coordinates), and the speed (m/s) of its fastest vertex relative to its course.
 #[derive(Debug, Clone, Copy, Default)]

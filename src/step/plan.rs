@@ -109,12 +109,22 @@ impl StepInputs<'_> {
         let h = self.coefficients.length.h;
         let damping = f64::from(self.attributes.damping);
         let (last, unit) = if index == 0 { (self.motion.h, self.motion.unit()) } else { (h, h) };
+        let [last, long] = [last, h].map(f64::from);
         // The kick lasts from the middle of the last substep to the middle of this one, and is exact for linear drag.
-        let kick = 0.5 * (f64::from(last) + f64::from(h));
-        let gain = if damping > 0.0 { -(-damping * kick).exp_m1() / damping } else { kick };
+        let kick = 0.5 * (last + long);
+        let gain_in = |time: f64| if damping > 0.0 { -(-damping * time).exp_m1() / damping } else { time };
+        let gain = (gain_in(kick) * long) as f32;
+        let acceleration = self.attributes.acceleration();
+        let mut fall = acceleration * gain;
+        if index == 0 && self.motion.acceleration != acceleration {
+            // Up to the end of the last step it was that step's.
+            let before = gain_in(0.5 * last) * (-0.5 * damping * long).exp() * long;
+            fall += (self.motion.acceleration - acceleration) * before as f32;
+        }
         Substep {
-            carry: ((-damping * kick).exp() * f64::from(h) / f64::from(unit)) as f32,
-            gain: (gain * f64::from(h)) as f32,
+            fall: fall.to_array(),
+            carry: ((-damping * kick).exp() * long / f64::from(unit)) as f32,
+            gain,
             rate: 1.0 / unit,
             start: index as f32 / self.substeps as f32,
             end: (index + 1) as f32 / self.substeps as f32,
@@ -127,7 +137,6 @@ impl StepInputs<'_> {
         let dt = coefficients.length.h * self.substeps as f32;
         let drift = self.motion.drift(cloth, attributes.pin_targets.as_deref(), dt) / self.substeps as f32;
         Params {
-            acceleration: (attributes.gravity + attributes.damping * attributes.wind).to_array(),
             h: coefficients.length.h,
             wind: attributes.wind.to_array(),
             half_density: 0.5 * attributes.air_density,

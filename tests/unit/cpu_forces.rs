@@ -91,8 +91,8 @@ fn predicted_plainly(plan: &Plan<'_>) -> Vec<Vec4> {
         }
     }
     let by = |v: usize| {
-        let fall = Vec3A::from(params.acceleration) + force[v] * cloth.rest[v].w;
-        if cloth.rest[v].w > 0.0 { u[v] * substep.carry + fall * substep.gain } else { Vec3A::ZERO }
+        let kick = force[v] * (cloth.rest[v].w * substep.gain);
+        if cloth.rest[v].w > 0.0 { u[v] * substep.carry + Vec3A::from(substep.fall) + kick } else { Vec3A::ZERO }
     };
     (0..x.len()).map(|v| by(v).extend(0.0)).collect()
 }

@@ -46,8 +46,8 @@ macro_rules! layout {
 #[rustfmt::skip]
 fn structs() -> Vec<Layout> {
     vec![
-        layout!(Params { acceleration, h, wind, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, levels, drift, coarse_rule, edges, per_length, per_mass, longest_edge, tethers, load, checks, used, up, per_slack }),
-        layout!(Substep { carry, gain, rate, start, end }),
+        layout!(Params { wind, h, half_density, drag, lift, fraction, vertices, bodies, pins, damped, predicted, substeps, sweeps, relaxed, drift, coarse_rule, levels, edges, per_length, per_mass, longest_edge, tethers, load, checks, up, per_slack, padding, used }),
+        layout!(Substep { fall, carry, gain, rate, start, end }),
         layout!(Defects { lost, long, fast, energy, hot, stopped, steps }),
         layout!(Span { start, end }),
         layout!(Pin { origin, vertex, goal, padding }),
