@@ -138,25 +138,27 @@ fn soft_diagonals_give_way_along_the_bias() {
 }
 
 /// A sheet of jersey hangs as deep as its stiffness says, `rho g L²/2K`, whether levels carry it or not. Levels are a tenth softer,
-/// because the sheet folds a little: held in its plane, which this bound would not notice, it is within a hundredth.
+/// because the sheet folds a little: held in its plane, which this bound would not notice, it is within a hundredth. By default it is a
+/// quarter softer, .3 % of its length, where 3 % of strain are allowed.
 #[test]
 fn jersey_hangs_by_its_own_stiffness() {
     let (n, side) = (32, 2.0_f32);
     let mut mesh = Mesh::grid(n, n, side, side);
     mesh.positions.iter_mut().for_each(|x| *x = Vec3::new(x.x, x.z, 0.0));
     let exact = Fabric::JERSEY.density * 9.81 * side * side / (2.0 * Fabric::JERSEY.stretch);
-    for (quality, has_levels) in [(Quality::default(), true), (Quality::Substeps(5), true), (Quality::Substeps(20), false)] {
+    for (quality, expected, bound) in
+        [(Quality::default(), 0, 0.25), (Quality::Substeps(5), 2, 0.1), (Quality::Substeps(20), 0, 0.05)]
+    {
         let pinned: Vec<u32> = (n * n - n..n * n).collect();
         let options = Options { backend: Backend::Cpu, fabric: Fabric::JERSEY, quality, pinned, ..Options::default() };
         let mut deformer = Deformer::new(&mesh, options).unwrap();
         let damped = Attributes { damping: 1.5, ..Attributes::default() };
         let mut levels = 0;
         (0..360).for_each(|_| levels = deformer.step(FRAME, &damped).unwrap().levels);
-        assert_eq!(levels > 0, has_levels, "{quality:?}");
+        assert_eq!(levels, expected, "{quality:?}");
         let x = deformer.positions().unwrap();
         let depth = (0..n as usize).map(|v| mesh.positions[v].y - x[v].y).sum::<f32>() / n as f32;
         println!("{quality:?}: {levels} levels, {:.3} of the exact depth", depth / exact);
-        let bound = if has_levels { 0.1 } else { 0.05 };
         assert!((depth / exact - 1.0).abs() < bound, "{quality:?}: {depth} m instead of {exact} m");
     }
 }

@@ -28,6 +28,10 @@ pub struct Collider {
 }
 
 /// The surface of a [`Collider`].
+///
+/// What a parameter changes by in a step is motion, which friction passes on, even where the surface stays as it is: a plane whose point
+/// moves within it drags the cloth that lies on it, and a capsule whose ends are exchanged turns over. Keep such a parameter, or say that
+/// the collider was [`teleported`](Collider::teleported).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Shape {

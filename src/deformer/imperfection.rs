@@ -23,13 +23,13 @@ pub(super) struct FlatStart {
 impl FlatStart {
     /// Of the mesh at rest; none if no part of it is flat.
     pub(super) fn at_rest(cloth: &Cloth) -> Option<FlatStart> {
-        let parts = flat_parts(&cloth.rest, &cloth.triangles);
+        let parts = flat_parts(&cloth.rest, cloth);
         (!parts.is_empty()).then_some(FlatStart { placed: None, parts })
     }
 
     /// Of positions and displacements; none if no part is flat.
     pub(super) fn placed(x: &[Vec4], p: &[Vec4], cloth: &Cloth) -> Option<FlatStart> {
-        let parts = flat_parts(x, &cloth.triangles);
+        let parts = flat_parts(x, cloth);
         (!parts.is_empty()).then(|| FlatStart { placed: Some([x, p].map(<[Vec4]>::to_vec)), parts })
     }
 

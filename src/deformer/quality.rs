@@ -12,7 +12,7 @@ use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, 
 use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, most};
 use crate::step::load::Load;
 use crate::step::own_stretch::{Measured, accepted, excess, resolved_share};
-use crate::step::substep_count::{SIXTIETHS, is_gale};
+use crate::step::substep_count::{SIXTIETHS, is_gale, is_soft};
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
@@ -110,11 +110,11 @@ impl Deformer {
     }
 
     /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels, because they
-    /// take less time on a GPU without contact of triangles, or because levels are off.
+    /// take less time on a GPU without contact of triangles, or because the cloth is too soft for levels, or levels are off.
     pub(super) fn trades_levels(&self, has_contact: bool, pressure: f64) -> bool {
         let is_fast = self.backend() == Backend::Gpu && !has_contact && self.cloth.used < LEVELS_PAY;
         let may = match self.options.levels {
-            Levels::Auto => is_fast,
+            Levels::Auto => is_fast || is_soft(&self.cloth),
             Levels::Off => true,
             Levels::Count(_) => false,
         };

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec4};
 
+use crate::model::cloth::Cloth;
 use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::bounds;
@@ -21,9 +22,13 @@ pub(crate) struct FlatPart {
     pub farthest: f64,
 }
 
-/// The parts of a cloth at `x` that are flat.
-pub(crate) fn flat_parts(x: &[Vec4], triangles: &[[u32; 3]]) -> Vec<FlatPart> {
-    let part = DisjointSets::parts_of_triangles(x.len(), triangles);
+/// The parts of a cloth at `x` that are flat: those that triangles connect, and threads.
+pub(crate) fn flat_parts(x: &[Vec4], cloth: &Cloth) -> Vec<FlatPart> {
+    let Cloth { triangles, links, .. } = cloth;
+    let mut is_corner = vec![false; x.len()];
+    triangles.iter().flatten().for_each(|&corner| is_corner[corner as usize] = true);
+    let threads = links.iter().map(|link| link.ends).filter(|ends| ends.iter().all(|&end| !is_corner[end as usize]));
+    let part = DisjointSets::parts(x.len(), triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c]]).chain(threads));
     let at = |vertex: u32| x[vertex as usize].truncate().as_dvec3();
     // Twice the areas, all on one side: a sheet may be wound either way, or both.
     let mut normal = vec![DVec3::ZERO; x.len()];

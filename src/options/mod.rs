@@ -111,7 +111,7 @@ pub enum Method {
 ///
 /// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack: small swings are
 /// damped, the second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more, and soft cloth,
-/// and fine cloth with too few of its levels, is rolled up by a light wind from the side. Where that matters, turn them
+/// and fine cloth with too few of its levels, is rolled up by a light wind from the side, or in still air hangs in folds of up to a few hundredths of its width. Where that matters, turn them
 /// [`Off`](Levels::Off) and take more substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
@@ -119,6 +119,9 @@ pub enum Levels {
     /// As many levels as improve the result for their cost. None if the substeps resolve the stiffness or nearly do, or if
     /// the wind's pressure is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into
     /// small wrinkles. So that gusts do not switch them, they go off at 15 times the weight, and on again below 7.
+    ///
+    /// Cloth that hangs from more than lone pins, and that its weight would stretch by more than 0.2 % (density times gravity times size
+    /// over stretch: jersey from 0.3 m on), keeps a bound on strain by more substeps instead, because levels would roll it up.
     ///
     /// On [`Backend::Gpu`] with [`Quality::Strain`] or [`Quality::Hold`] and no contact of triangles: none below 8192 vertices,
     /// because more substeps cost less there; above, only down to the first level with at most 4096 aggregates, because coarser

@@ -19,6 +19,8 @@ pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
 const PAYS_FROM: f64 = 1.15;
 /// The number of levels changes where substeps are so many times as long, or as short, as those for which it is chosen.
 const KEPT: f64 = 1.25;
+/// How far its weight stretches the hanging edge of cloth, from which it is too soft for levels.
+const SOFT: f64 = 0.002;
 /// Ratio of wind pressure to the cloth's weight above which levels are off, because stretch would show as small wrinkles:
 /// see [`hierarchy`](crate::multigrid::hierarchy).
 const GALE: f64 = 10.0;
@@ -199,6 +201,14 @@ fn carrying(shortfall: f64) -> usize {
 pub(crate) fn is_gale(cloth: &Cloth, pressure: f64, before: Option<usize>) -> bool {
     let kept = before.map_or(1.0, |levels| if levels > 0 { GUSTY } else { 1.0 / GUSTY });
     pressure > kept * GALE * cloth.density * STANDARD_GRAVITY
+}
+
+/// Whether its weight stretches hung cloth so far that levels would roll it up: see [`hierarchy`](crate::multigrid::hierarchy). What hangs
+/// from lone pins, which have tethers, folds anyway, and is stretched most by its pins.
+pub(crate) fn is_soft(cloth: &Cloth) -> bool {
+    cloth.has_pins()
+        && cloth.tethers.is_none()
+        && cloth.density * STANDARD_GRAVITY * cloth.extents.extent > SOFT * cloth.membrane_stiffness
 }
 
 /// The compliance that a sweep adds to each edge that it visits once, as a multiple of `h² w`.
