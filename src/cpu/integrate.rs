@@ -52,7 +52,7 @@ impl Integrator<'_> {
     /// Predicts the displacements of a tile's vertices under the ambient acceleration alone.
     pub(crate) fn fall(&self, task: &Task, tile: Range<u32>, substep: &Substep) {
         let (x, u) = (self.x.within(task), self.u.within(task));
-        simd::run(self.width, Fall { x, u, vertices: range(&tile), ambient: self.ambient(substep), carry: substep.carry });
+        simd::run(self.width, Fall { x, u, vertices: range(&tile), substep });
     }
 
     /// Resolves collisions of some vertices, moves them, and does what `after` says.
@@ -66,15 +66,15 @@ impl Integrator<'_> {
             simd::run(self.width, Advance { integrator: self, near, x, u, vertices: range(vertices), substep, after });
         }
     }
-
-    /// The displacement (m) that the ambient acceleration adds in a substep.
-    fn ambient(&self, substep: &Substep) -> Vec4 {
-        Vec3::from(substep.fall).extend(0.0)
-    }
 }
 
 fn range(vertices: &Range<u32>) -> Range<usize> {
     vertices.start as usize..vertices.end as usize
+}
+
+/// [`Substep::fall`] as a vertex's displacement.
+fn fall(substep: &Substep) -> Vec4 {
+    Vec3::from(substep.fall).extend(0.0)
 }
 
 /// Predicts displacements of a tile's vertices. Tiles begin at a multiple of the SIMD width.
@@ -82,14 +82,13 @@ struct Fall<'t> {
     x: View<'t>,
     u: View<'t>,
     vertices: Range<usize>,
-    ambient: Vec4,
-    carry: f32,
+    substep: &'t Substep,
 }
 
 impl Loop for Fall<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let (zero, fall, carry) = (L::splat(0.0), L::repeat(self.ambient), L::splat(self.carry));
+        let (zero, fall, carry) = (L::splat(0.0), L::repeat(fall(self.substep)), L::splat(self.substep.carry));
         let fourth = zero.lt(L::repeat(Vec4::W));
         for first in self.vertices.step_by(L::LANES) {
             let (x, u) = (self.x.row::<L>(first as u32), self.u.row::<L>(first as u32));
@@ -161,7 +160,7 @@ impl Advance<'_> {
         match self.after {
             AfterMove::Wait => {}
             AfterMove::Fall(next) => {
-                let (carry, fall) = (L::splat(next.carry), L::repeat(integrator.ambient(next)));
+                let (carry, fall) = (L::splat(next.carry), L::repeat(fall(next)));
                 for k in 0..4 {
                     let on = predict_displacement(u[k], carry, fall);
                     u[k] = L::select(fourth, zero, L::select(zero.lt(x[k].w()), on, zero));
