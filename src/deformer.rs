@@ -150,9 +150,10 @@ impl Deformer {
     ///
     /// Before the first step from a state that was placed, exactly flat parts of the cloth, and straight threads, are moved out of their
     /// plane or line if gravity acts along it: by up to a millionth of their size, or by some roundings of their coordinates if that is
-    /// more. Otherwise they could not fold, and pins that close on each other would crush them. Likewise cloth that lies flat on a plane or a box, or floats without gravity, and
-    /// is pushed together by pins or colliders gets a kick of some thousandths of an edge out of its plane, from which it wrinkles. On a GPU
-    /// that takes statistics, which [`Quality::Substeps`] does without unless [`Options::sleep`] needs them.
+    /// more. Otherwise they could not fold, and pins that close on each other would crush them. Likewise cloth that lies flat on a plane or
+    /// a box, or floats without gravity, and is pushed together by pins or colliders gets a kick of some thousandths of an edge out of its
+    /// plane, from which it wrinkles. On a GPU that takes statistics, which [`Quality::Substeps`] does without unless [`Options::sleep`]
+    /// needs them.
     ///
     /// On the CPU the threads of the current rayon pool share the work, and a thread that waits for another may run any
     /// other task of that pool in the meantime, as always in rayon. Do not hold a lock across a step that another task

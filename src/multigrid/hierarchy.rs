@@ -94,6 +94,10 @@
 //! | 4 | 2 | 3.7 | 2.5e-5 |
 //! | 4 | 4 | 0 | 7.9e-6 |
 //!
+//! Where more substeps need fewer levels, folds are left: in sheets of 1 m of towel with 21 by 21 vertices, from the foremost to the
+//! hindmost vertex, 19 mm at 10 substeps with the two levels that are chosen and 0 with all four; 16 and 5 mm at 20 substeps, 13 and 7 mm
+//! at 30. Four sweeps over the finest level, too, leave 6 mm at 10 substeps and 8 mm at 20 with two levels.
+//!
 //! So they are swept four times. That costs a flag in a gale 1 % more strain (`a_flag_in_a_gale_stays_a_flag`), and cloth that swings
 //! neither gains nor loses. More sweeps over the finest level, too, change little. Smoothing the corrections over the fine edges does not
 //! help, nor do other blocks in every other substep, which tremble at 3 mm/s. Sweeps that start from the impulses of the last substep (warm

@@ -24,7 +24,7 @@ pub(crate) struct Motion {
     pub colliders: Vec<Collider>,
     /// Positions of the pins at its end (m), in local coordinates.
     pub pins: Vec<Vec3>,
-    /// Those of its vertices that were pinned since, as places in [`Cloth::order`], ascending.
+    /// The vertices that were pinned since, as places in [`Cloth::order`], ascending.
     pub new_pins: Vec<u32>,
     /// Velocities (m/s) at which the pins moved, or that they were given with a state; empty if they followed no targets.
     pub pin_velocities: Vec<Vec3>,
