@@ -45,7 +45,7 @@ use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Options, Quality, StepReport};
 use crate::step::coefficients::Coefficients;
 use crate::step::controller::Controller;
-use crate::step::motion::Motion;
+use crate::step::motion::{Ambient, Motion};
 use crate::step::pace::Pace;
 use crate::step::plan::{Plan, PlanBuffers, StepInputs};
 use crate::step::substep_count::{Rates, SIXTIETHS};
@@ -300,7 +300,7 @@ impl Deformer {
         self.state.watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let motion = &mut self.state.motion;
         (motion.dt, motion.h, motion.placed) = (dt, length.h, None);
-        motion.acceleration = attributes.acceleration();
+        motion.ambient = Ambient::of(attributes);
         motion.new_pins.clear();
         motion.colliders.clone_from(&attributes.colliders);
         motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);

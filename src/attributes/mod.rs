@@ -67,11 +67,4 @@ impl Default for Attributes {
     }
 }
 
-impl Attributes {
-    /// The acceleration (m/s²) of cloth at rest without forces: gravity, and the linear drag toward the wind.
-    pub(crate) fn acceleration(&self) -> Vec3 {
-        self.gravity + self.damping * self.wind
-    }
-}
-
 recorded!(Attributes { gravity, wind, air_density, drag, lift, damping, colliders, pin_targets });

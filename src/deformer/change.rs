@@ -80,14 +80,13 @@ impl Deformer {
         Ok(())
     }
 
-    /// Makes the displacements (m) of vertices that are pins no more those of half a substep ago, as free ones are: unlike them, pins
-    /// have moved at their present velocity until now, and have not been accelerated.
+    /// Changes the displacements (m) of pins that are let go into those of free vertices, which are of half a substep ago. Those of pins
+    /// that no step has led yet still are.
     fn release(&self, cloth: &Cloth, p: &mut [Vec4]) {
-        let Motion { h, acceleration, new_pins, .. } = &self.state.motion;
-        let before = (acceleration * (0.5 * h * h)).extend(0.0);
-        for vertex in self.cloth.pinned.iter().filter(|vertex| new_pins.binary_search(vertex).is_err()) {
+        let motion = &self.state.motion;
+        for vertex in self.cloth.pinned.iter().filter(|vertex| motion.new_pins.binary_search(vertex).is_err()) {
             if let Some(p) = p.get_mut(*vertex as usize).filter(|_| cloth.rest[*vertex as usize].w > 0.0) {
-                *p -= before;
+                *p = motion.lagging(p.truncate()).extend(p.w);
             }
         }
     }

@@ -37,8 +37,8 @@ pub struct Forecast {
     /// [`Fabric::damping`](crate::Fabric::damping), of which few substeps on a fine mesh apply only a part. 0 without bending.
     pub damping: f32,
     /// The warnings that the step will return, except those of what shows only in its result: [`Warning::StrainMissed`],
-    /// [`Warning::Crossings`] and [`Warning::BodyCrossings`]. [`Warning::ColliderOutruns`] depends on whether the cloth lies in layers: here
-    /// as of the last step, in the report as of the step itself.
+    /// [`Warning::Crossings`] and [`Warning::BodyCrossings`]. [`Warning::ColliderOutruns`] depends on whether the cloth lies in layers:
+    /// here as of the last step, in the report as of the step itself.
     pub warnings: Vec<Warning>,
 }
 

@@ -10,7 +10,7 @@ use crate::model::flat_parts::{FlatPart, flat_parts};
 /// of its largest coordinate.
 const IMPERFECTION: f64 = 1e-6;
 const ROUNDINGS: f64 = 4.0;
-/// A force that has a larger share than this across the plane bends the cloth itself.
+/// A force that has a larger share than this across the plane or the line bends the cloth itself.
 const ACROSS: f64 = 1e-6;
 
 /// A state that the caller has placed, of which a part is flat, until a step begins from it.
@@ -41,8 +41,8 @@ impl FlatStart {
 }
 
 impl Deformer {
-    /// Before the first step from a placed state, moves the free vertices of exactly flat parts out of their plane, each
-    /// by up to a millionth of the part's size. Compression within the plane has no reason to bend such a part to one side
+    /// Before the first step from a placed state, moves the free vertices of exactly flat parts out of their plane (of straight threads off
+    /// their line), each by up to a millionth of the part's size. Compression within the plane has no reason to bend such a part to one side
     /// rather than the other, so it would be crushed there, however far; real cloth is never that flat. Where gravity acts
     /// across the plane it bends the cloth by itself, unless that lies on something ([`Deformer::let_buckle`]), and without gravity
     /// hardly anything compresses it: nothing is moved.

@@ -184,7 +184,8 @@ impl Deformer {
             && motion.h >= 0.0
             && motion.dt >= 0.0
             && motion.course.is_finite()
-            && motion.acceleration.is_finite()
+            && motion.ambient.acceleration.is_finite()
+            && motion.ambient.damping >= 0.0
             && motion.pins.len() == pins
             && [0, pins].contains(&motion.pin_velocities.len())
             && awaiting_statistics.len() == engine.pending.len()

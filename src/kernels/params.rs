@@ -57,6 +57,7 @@ pub(crate) struct Params {
     /// One over the band in which coarse edges push with [`PROJECT_COARSE`]: `SLACK_BAND` of `kernels::distance`, or
     /// `SLACK_BAND_OF_FEW`.
     pub per_slack: f32,
+    /// To the alignment of vectors in shaders.
     pub padding: [f32; 3],
     /// Number of vertices with edges, which come first.
     pub used: u32,

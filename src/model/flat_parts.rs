@@ -7,14 +7,14 @@ use crate::model::csr::Csr;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::mesh::bounds;
 
-/// How far vertices may be out of a plane, as a share of the largest coordinate: a few times the rounding of single
+/// How far vertices may be from a plane or a line, as a share of the largest coordinate: a few times the rounding of single
 /// precision.
 const ROUNDING: f64 = 5e-7;
 
-/// A part of a cloth that lies in a plane.
+/// A part of a cloth that lies in a plane, or on a line.
 pub(crate) struct FlatPart {
     pub normal: DVec3,
-    /// The direction of the line that it lies on, if it is a straight thread. The normal is then any vector across it.
+    /// The direction of the line, if it lies on one as a straight thread does. The normal is then any vector across it.
     pub line: Option<DVec3>,
     pub vertices: Vec<u32>,
     /// The longest side of its bounding box, and its largest coordinate (m).

@@ -67,7 +67,8 @@
 //!   folds, and a flag in a gale more strain. What counts is how far the weight stretches the cloth, `rho g L/K`. In a breeze of 1 m/s at
 //!   37 degrees, the hem of sheets of 0.5 to 4 m at the default quality keeps 100 % of its width up to .0016, and 78 to 97 % from .0022
 //!   on, with 7 to 30 % of strain at the worst edge. So softer cloth keeps a bound on strain with more substeps instead: a sheet of jersey
-//!   of 41 by 41 takes 21 instead of 6, and three times as long, for 5 % at the worst edge instead of 30, and 99 % of the hem instead of 81.
+//!   of 41 by 41 takes 21 instead of 6, and three times as long, for 5 % at the worst edge instead of 30, and 99 % of the hem instead of
+//!   81.
 //! - Without the coarser levels, whose edges span the cloth, the finest ones need a wider band: .05 instead of .012 of the squared length
 //!   (`distance::SLACK_BAND_OF_FEW`). In the narrow one a panel of .75 m by 1 m with 96 by 128 vertices would be rolled up to .60 m, and by
 //!   default on an H200, with the finest level alone, to .18 m.
@@ -94,11 +95,7 @@
 //! | 4 | 2 | 3.7 | 2.5e-5 |
 //! | 4 | 4 | 0 | 7.9e-6 |
 //!
-//! Where more substeps need fewer levels, folds are left: in sheets of 1 m of towel with 21 by 21 vertices, from the foremost to the
-//! hindmost vertex, 19 mm at 10 substeps with the two levels that are chosen and 0 with all four; 16 and 5 mm at 20 substeps, 13 and 7 mm
-//! at 30. Four sweeps over the finest level, too, leave 6 mm at 10 substeps and 8 mm at 20 with two levels.
-//!
-//! So they are swept four times. That costs a flag in a gale 1 % more strain (`a_flag_in_a_gale_stays_a_flag`), and cloth that swings
+//! So the coarser levels are swept four times. That costs a flag in a gale 1 % more strain (`a_flag_in_a_gale_stays_a_flag`), and cloth that swings
 //! neither gains nor loses. More sweeps over the finest level, too, change little. Smoothing the corrections over the fine edges does not
 //! help, nor do other blocks in every other substep, which tremble at 3 mm/s. Sweeps that start from the impulses of the last substep (warm
 //! starting) converge on what hangs still, but pump energy into its swings: position errors that are corrected once are then
@@ -109,6 +106,11 @@
 //! 65 in gusts of 8 m/s at 20 substeps has a mean strain of 7.7e-3 instead of 1.7e-2, but 18 m of folds instead of 13, where 8 m are
 //! right. At 30 m/s the aggregates become visible as a waffle pattern. Smooth weights make no difference. So no levels are chosen
 //! automatically in a gale; more substeps help there.
+//!
+//! Where more substeps need fewer levels, folds are left: in sheets of 1 m of towel with 21 by 21 vertices, from the foremost to the
+//! hindmost vertex, 19 mm at 10 substeps with the two levels that are chosen and 0 with all four; 16 and 5 mm at 20 substeps, 13 and 7 mm
+//! at 30. Four sweeps over the finest level, too, leave 6 mm at 10 substeps and 8 mm at 20 with two levels. If edges undid all of what
+//! others shorten them by, and not as little as they pull, 12 and 8 mm would be left with 21 by 21 vertices, and with 41 by 41 none.
 //!
 //! Tethers (long range attachments: Kim, Chentanez and Müller 2012) cannot replace the levels. Tethers over a whole
 //! sheet are cheaper by a tenth of a substep, but leave a strain of 6.5e-3 and an error of 0.057 m, where levels leave

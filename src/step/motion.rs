@@ -4,7 +4,7 @@ use std::mem::{Discriminant, discriminant};
 
 use glam::{DVec3, Vec3, Vec4};
 
-use crate::attributes::{Collider, Shape, invalid};
+use crate::attributes::{Attributes, Collider, Shape, invalid};
 use crate::error::StepError;
 use crate::kernels::statistics::{Statistics, unordered};
 use crate::model::cloth::Cloth;
@@ -18,8 +18,8 @@ pub(crate) struct Motion {
     pub dt: f32,
     /// Its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
     pub h: f32,
-    /// Its ambient acceleration (m/s²).
-    pub acceleration: Vec3,
+    /// What acted on all of the cloth in it.
+    pub ambient: Ambient,
     /// Its colliders, from which those of the next step move; empty if the state was set.
     pub colliders: Vec<Collider>,
     /// Positions of the pins at its end (m), in local coordinates.
@@ -34,7 +34,32 @@ pub(crate) struct Motion {
     pub placed: Option<Whereabouts>,
 }
 
-recorded!(Motion { dt, h, acceleration, colliders, pins, new_pins, pin_velocities, course, placed });
+recorded!(Motion { dt, h, ambient, colliders, pins, new_pins, pin_velocities, course, placed });
+
+/// What acts on all of the cloth alike: gravity, and linear drag toward the wind.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Ambient {
+    /// The acceleration of cloth at rest (m/s²).
+    pub acceleration: Vec3,
+    /// The rate (1/s) of the drag.
+    pub damping: f32,
+}
+
+recorded!(Ambient { acceleration, damping });
+
+impl Ambient {
+    pub(crate) fn of(attributes: &Attributes) -> Ambient {
+        let Attributes { gravity, wind, damping, .. } = *attributes;
+        Ambient { acceleration: gravity + damping * wind, damping }
+    }
+
+    /// The share of a velocity that is left after a time (s), and the velocity gained in it per unit of acceleration (s).
+    pub(crate) fn decay_and_gain(&self, time: f64) -> [f64; 2] {
+        let damping = f64::from(self.damping);
+        let gain = if damping > 0.0 { -(-damping * time).exp_m1() / damping } else { time };
+        [(-damping * time).exp(), gain]
+    }
+}
 
 /// The box around the cloth (m, in local coordinates), and the speed (m/s) of its fastest vertex relative to its course.
 #[derive(Debug, Clone, Copy, Default)]
@@ -87,6 +112,18 @@ impl Motion {
         motion.set_course((sum / f64::from(count.max(1))).as_vec3());
         motion.pin_velocities = cloth.pinned.iter().filter_map(|&pin| v.get(pin as usize)).map(|v| v.truncate()).collect();
         Motion { placed: Some(Whereabouts::of(x, v, motion.last_drift(cloth))), ..motion }
+    }
+
+    /// After the state of an earlier step, to which a GPU has returned. What acted in that step is taken to be what acted in the last one.
+    pub(crate) fn returned_to(&self, cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
+        Motion { ambient: self.ambient, ..Motion::after(cloth, x, h) }
+    }
+
+    /// The displacement (m) of a vertex half a substep ago that has become this one by now, as that of a pin is. Those of free vertices
+    /// lag by that time.
+    pub(crate) fn lagging(&self, displacement: Vec3) -> Vec3 {
+        let [decay, gain] = self.ambient.decay_and_gain(0.5 * f64::from(self.h));
+        (displacement - self.ambient.acceleration * (gain as f32 * self.h)) / decay as f32
     }
 
     /// The course (m/s) of cloth that no pins hold, otherwise 0.

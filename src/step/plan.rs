@@ -18,7 +18,7 @@ use crate::options::{Contact, Method, Options};
 use crate::step::bodies::moving;
 use crate::step::coefficients::{Coefficients, coarse_rule};
 use crate::step::load::loading_acceleration;
-use crate::step::motion::{Motion, Whereabouts};
+use crate::step::motion::{Ambient, Motion, Whereabouts};
 
 /// What a step follows from.
 #[derive(Clone, Copy)]
@@ -107,24 +107,21 @@ impl StepInputs<'_> {
     /// Substep number `index`.
     fn substep(&self, index: u32) -> Substep {
         let h = self.coefficients.length.h;
-        let damping = f64::from(self.attributes.damping);
-        let (last, unit) = if index == 0 { (self.motion.h, self.motion.unit()) } else { (h, h) };
-        let [last, long] = [last, h].map(f64::from);
-        // The kick lasts from the middle of the last substep to the middle of this one, and is exact for linear drag.
-        let kick = 0.5 * (last + long);
-        let gain_in = |time: f64| if damping > 0.0 { -(-damping * time).exp_m1() / damping } else { time };
-        let gain = (gain_in(kick) * long) as f32;
-        let acceleration = self.attributes.acceleration();
-        let mut fall = acceleration * gain;
-        if index == 0 && self.motion.acceleration != acceleration {
-            // Up to the end of the last step it was that step's.
-            let before = gain_in(0.5 * last) * (-0.5 * damping * long).exp() * long;
-            fall += (self.motion.acceleration - acceleration) * before as f32;
-        }
+        let ambient = Ambient::of(self.attributes);
+        let (last, unit, before) =
+            if index == 0 { (self.motion.h, self.motion.unit(), self.motion.ambient) } else { (h, h, ambient) };
+        // The kick lasts from the middle of the last substep, which may belong to another step, to the middle of this one. It is exact for
+        // linear drag.
+        let length = f64::from(h);
+        let ([decay_before, gain_before], [decay, gain]) =
+            (before.decay_and_gain(0.5 * f64::from(last)), ambient.decay_and_gain(0.5 * length));
+        let (gain_before, gain) = (gain_before * decay * length, gain * length);
+        let fall = ambient.acceleration * (gain_before + gain) as f32
+            + (before.acceleration - ambient.acceleration) * gain_before as f32;
         Substep {
             fall: fall.to_array(),
-            carry: ((-damping * kick).exp() * long / f64::from(unit)) as f32,
-            gain,
+            carry: (decay_before * decay * length / f64::from(unit)) as f32,
+            gain: (gain_before + gain) as f32,
             rate: 1.0 / unit,
             start: index as f32 / self.substeps as f32,
             end: (index + 1) as f32 / self.substeps as f32,

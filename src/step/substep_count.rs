@@ -204,11 +204,11 @@ pub(crate) fn is_gale(cloth: &Cloth, pressure: f64, before: Option<usize>) -> bo
 }
 
 /// Whether its weight stretches hung cloth so far that levels would roll it up: see [`hierarchy`](crate::multigrid::hierarchy). What hangs
-/// from lone pins, which have tethers, folds anyway, and is stretched most by its pins.
+/// from nothing but lone pins, which are those with tethers, folds anyway, and is stretched most by its pins.
 pub(crate) fn is_soft(cloth: &Cloth) -> bool {
-    cloth.has_pins()
-        && cloth.tethers.is_none()
-        && cloth.density * STANDARD_GRAVITY * cloth.extents.extent > SOFT * cloth.membrane_stiffness
+    let lone = cloth.tethers.as_ref().map_or(0, |tethers| tethers.anchors.len());
+    let has_rows = cloth.pinned.iter().filter(|&&pin| cloth.is_used(pin)).count() > lone;
+    has_rows && cloth.density * STANDARD_GRAVITY * cloth.extents.extent > SOFT * cloth.membrane_stiffness
 }
 
 /// The compliance that a sweep adds to each edge that it visits once, as a multiple of `h² w`.
