@@ -95,11 +95,11 @@
 //! | 4 | 2 | 3.7 | 2.5e-5 |
 //! | 4 | 4 | 0 | 7.9e-6 |
 //!
-//! So the coarser levels are swept four times. That costs a flag in a gale 1 % more strain (`a_flag_in_a_gale_stays_a_flag`), and cloth that swings
-//! neither gains nor loses. More sweeps over the finest level, too, change little. Smoothing the corrections over the fine edges does not
-//! help, nor do other blocks in every other substep, which tremble at 3 mm/s. Sweeps that start from the impulses of the last substep (warm
-//! starting) converge on what hangs still, but pump energy into its swings: position errors that are corrected once are then
-//! corrected again.
+//! So the coarser levels are swept four times. That costs a flag in a gale 1 % more strain (`a_flag_in_a_gale_stays_a_flag`), and cloth
+//! that swings neither gains nor loses. More sweeps over the finest level, too, change little. Smoothing the corrections over the fine
+//! edges does not help, nor do other blocks in every other substep, which tremble at 3 mm/s. Sweeps that start from the impulses of the
+//! last substep (warm starting) converge on what hangs still, but pump energy into its swings: position errors that are corrected once are
+//! then corrected again.
 //!
 //! Fine edges need not carry what the levels carry, so wrinkles smaller than an aggregate are held less taut. Wind feeds them: the
 //! excess length of the fine edges, half or less of what it would be, then shows as small wrinkles instead of as stretch. A sheet of 65 by

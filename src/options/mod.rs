@@ -121,8 +121,9 @@ pub enum Levels {
     /// the wind's pressure is more than ten times the cloth's weight (5 m/s for 0.2 kg/m²), where levels turn stretch into
     /// small wrinkles. So that gusts do not switch them, they go off at 15 times the weight, and on again below 7.
     ///
-    /// Cloth that hangs from more than lone pins (or from any pins, if [`Tethers`] are off), and that its weight would stretch by more than 0.2 % (density times gravity times size
-    /// over stretch: jersey from 0.3 m on), keeps a bound on strain by more substeps instead, because levels would roll it up.
+    /// Cloth that hangs from more than lone pins (or from any pins, if [`Tethers`] are off), and that its weight would stretch by more than
+    /// 0.2 % (density times gravity times size over stretch: jersey from 0.3 m on), keeps a bound on strain by more substeps instead,
+    /// because levels would roll it up.
     ///
     /// On [`Backend::Gpu`] with [`Quality::Strain`] or [`Quality::Hold`] and no contact of triangles: none below 8192 vertices,
     /// because more substeps cost less there; above, only down to the first level with at most 4096 aggregates, because coarser
