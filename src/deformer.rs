@@ -300,7 +300,7 @@ impl Deformer {
         self.state.watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let motion = &mut self.state.motion;
         (motion.dt, motion.h, motion.placed) = (dt, length.h, None);
-        motion.ambient = Ambient::of(attributes);
+        motion.ambient = Some(Ambient::of(attributes)).filter(Ambient::is_finite);
         motion.new_pins.clear();
         motion.colliders.clone_from(&attributes.colliders);
         motion.record_pins(&self.cloth, attributes.pin_targets.as_deref(), dt);

@@ -11,6 +11,7 @@ use crate::model::csr::distinct;
 use crate::options::Options;
 use crate::past::Past;
 use crate::record::{Hash, Recorded, recorded};
+use crate::step::motion::Ambient;
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
@@ -184,8 +185,7 @@ impl Deformer {
             && motion.h >= 0.0
             && motion.dt >= 0.0
             && motion.course.is_finite()
-            && motion.ambient.acceleration.is_finite()
-            && motion.ambient.damping >= 0.0
+            && motion.ambient.as_ref().is_none_or(Ambient::is_finite)
             && motion.pins.len() == pins
             && [0, pins].contains(&motion.pin_velocities.len())
             && awaiting_statistics.len() == engine.pending.len()

@@ -272,8 +272,7 @@ impl Deformer {
         let (last_h, read) = self.read_engine();
         if let Err(failure) = read {
             // The GPU has returned to its last good state, and the next step starts from there.
-            self.state.motion =
-                last_h.map_or_else(|| self.state.motion.clone(), |h| self.state.motion.returned_to(&self.cloth, &self.local, h));
+            self.state.motion = last_h.map_or_else(|| self.state.motion.clone(), |h| Motion::after(&self.cloth, &self.local, h));
             return Err(self.failed(failure));
         }
         self.is_current = true;
@@ -283,7 +282,7 @@ impl Deformer {
     /// After a step that has found out that an earlier one failed: the GPU has returned to the state before that.
     pub(super) fn start_from_engine_state(&mut self) {
         if let (Some(h), _) = self.read_engine() {
-            self.state.motion = self.state.motion.returned_to(&self.cloth, &self.local, h);
+            self.state.motion = Motion::after(&self.cloth, &self.local, h);
         }
     }
 

@@ -43,7 +43,9 @@ impl Deformer {
         self.flat_start = self.flat_start.take().and_then(|_| FlatStart::placed(&x, &p, &self.cloth));
         self.state.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.state.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
-        self.state.motion.ambient.acceleration = rigid.vector(self.state.motion.ambient.acceleration);
+        if let Some(ambient) = &mut self.state.motion.ambient {
+            ambient.acceleration = rigid.vector(ambient.acceleration);
+        }
         self.state.motion.course = rigid.vector(self.state.motion.course);
         let course = self.state.motion.last_drift(&self.cloth);
         self.state.motion.placed = self.state.motion.placed.map(|_| Whereabouts::of(&x, &p, course));

@@ -18,8 +18,8 @@ pub(crate) struct Motion {
     pub dt: f32,
     /// Its substep (s). 0 if there was none; the first kick then lasts half a substep (leapfrog start).
     pub h: f32,
-    /// What acted on all of the cloth in it.
-    pub ambient: Ambient,
+    /// What acted on all of the cloth in it. `None` if that is not known: it is then taken to be what acts in the next step.
+    pub ambient: Option<Ambient>,
     /// Its colliders, from which those of the next step move; empty if the state was set.
     pub colliders: Vec<Collider>,
     /// Positions of the pins at its end (m), in local coordinates.
@@ -48,9 +48,14 @@ pub(crate) struct Ambient {
 recorded!(Ambient { acceleration, damping });
 
 impl Ambient {
+    /// Of a step with these attributes; its acceleration is not finite if their product is not.
     pub(crate) fn of(attributes: &Attributes) -> Ambient {
         let Attributes { gravity, wind, damping, .. } = *attributes;
         Ambient { acceleration: gravity + damping * wind, damping }
+    }
+
+    pub(crate) fn is_finite(&self) -> bool {
+        self.acceleration.is_finite() && self.damping.is_finite()
     }
 
     /// The share of a velocity that is left after a time (s), and the velocity gained in it per unit of acceleration (s).
@@ -114,16 +119,12 @@ impl Motion {
         Motion { placed: Some(Whereabouts::of(x, v, motion.last_drift(cloth))), ..motion }
     }
 
-    /// After the state of an earlier step, to which a GPU has returned. What acted in that step is taken to be what acted in the last one.
-    pub(crate) fn returned_to(&self, cloth: &Cloth, x: &[Vec4], h: f32) -> Motion {
-        Motion { ambient: self.ambient, ..Motion::after(cloth, x, h) }
-    }
-
     /// The displacement (m) of a vertex half a substep ago that has become this one by now, as that of a pin is. Those of free vertices
     /// lag by that time.
     pub(crate) fn lagging(&self, displacement: Vec3) -> Vec3 {
-        let [decay, gain] = self.ambient.decay_and_gain(0.5 * f64::from(self.h));
-        (displacement - self.ambient.acceleration * (gain as f32 * self.h)) / decay as f32
+        let Some(ambient) = self.ambient else { return displacement };
+        let [decay, gain] = ambient.decay_and_gain(0.5 * f64::from(self.h));
+        (displacement - ambient.acceleration * (gain as f32 * self.h)) / decay as f32
     }
 
     /// The course (m/s) of cloth that no pins hold, otherwise 0.

@@ -108,8 +108,11 @@ impl StepInputs<'_> {
     fn substep(&self, index: u32) -> Substep {
         let h = self.coefficients.length.h;
         let ambient = Ambient::of(self.attributes);
-        let (last, unit, before) =
-            if index == 0 { (self.motion.h, self.motion.unit(), self.motion.ambient) } else { (h, h, ambient) };
+        let (last, unit, before) = if index == 0 {
+            (self.motion.h, self.motion.unit(), self.motion.ambient.unwrap_or(ambient))
+        } else {
+            (h, h, ambient)
+        };
         // The kick lasts from the middle of the last substep, which may belong to another step, to the middle of this one. It is exact for
         // linear drag.
         let length = f64::from(h);
