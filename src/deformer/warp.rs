@@ -7,7 +7,7 @@ use crate::deformer::imperfection::FlatStart;
 use crate::error::WarpError;
 use crate::kernels::limits::is_bounded;
 use crate::kernels::rigid::Rigid;
-use crate::step::motion::Whereabouts;
+use crate::step::motion::{Ambient, Whereabouts};
 
 impl Deformer {
     /// Moves the cloth and its pins rigidly, as for a character that is teleported. `motion` maps world positions (m)
@@ -43,9 +43,8 @@ impl Deformer {
         self.flat_start = self.flat_start.take().and_then(|_| FlatStart::placed(&x, &p, &self.cloth));
         self.state.motion.pins.iter_mut().for_each(|pin| *pin = rigid.point(*pin));
         self.state.motion.pin_velocities.iter_mut().for_each(|velocity| *velocity = rigid.vector(*velocity));
-        if let Some(ambient) = &mut self.state.motion.ambient {
-            ambient.acceleration = rigid.vector(ambient.acceleration);
-        }
+        let turned = |ambient: Ambient| Ambient { acceleration: rigid.vector(ambient.acceleration), ..ambient };
+        self.state.motion.ambient = self.state.motion.ambient.map(turned).filter(Ambient::is_finite);
         self.state.motion.course = rigid.vector(self.state.motion.course);
         let course = self.state.motion.last_drift(&self.cloth);
         self.state.motion.placed = self.state.motion.placed.map(|_| Whereabouts::of(&x, &p, course));

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3, Vec4};
 
 use crate::attributes::{Attributes, Collider, Shape, invalid};
 use crate::error::StepError;
+use crate::kernels::limits::is_bounded;
 use crate::kernels::statistics::{Statistics, unordered};
 use crate::model::cloth::Cloth;
 use crate::model::mesh::bounds;
@@ -120,11 +121,12 @@ impl Motion {
     }
 
     /// The displacement (m) of a vertex half a substep ago that has become this one by now, as that of a pin is. Those of free vertices
-    /// lag by that time.
+    /// lag by that time. It stays as it is where nothing is known of the last step, or the result would be out of bounds.
     pub(crate) fn lagging(&self, displacement: Vec3) -> Vec3 {
         let Some(ambient) = self.ambient else { return displacement };
         let [decay, gain] = ambient.decay_and_gain(0.5 * f64::from(self.h));
-        (displacement - ambient.acceleration * (gain as f32 * self.h)) / decay as f32
+        let before = (displacement - ambient.acceleration * (gain as f32 * self.h)) / decay as f32;
+        if is_bounded(before) { before } else { displacement }
     }
 
     /// The course (m/s) of cloth that no pins hold, otherwise 0.
