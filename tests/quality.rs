@@ -1085,7 +1085,7 @@ fn heaps_fall_asleep() {
 }
 
 /// On both sides of the softness from which levels would roll up hung cloth: it keeps its width in a breeze, and hangs flat in still
-/// air. With levels the softer sheets would keep 82 and 97 % of it, and the softest would hang in folds of 26 mm.
+/// air. With levels the softest sheet would keep 80 % of it, and hang in folds of 26 mm.
 #[test]
 fn soft_cloth_hangs_by_more_substeps_instead_of_levels() {
     let n = 21;

@@ -37,8 +37,8 @@ impl Aggregate {
         if self.normal.length() < CURLED * self.area { DVec3::ZERO } else { self.normal }
     }
 
-    /// How far (m) its center is from its surface, if it is an arc, as long and wide as the root of its area; otherwise 0. The mean cosine of an
-    /// arc's normals to their sum is `sin(a)/a` for half its angle a, and its center is `r - r sin(a)/a` from it.
+    /// How far (m) its center is from its surface, if it is an arc, as long and wide as the root of its area; otherwise 0. The mean cosine
+    /// of an arc's normals to their sum is `sin(a)/a` for half its angle a, and its center is `r - r sin(a)/a` from it.
     pub(crate) fn sagitta(&self) -> f64 {
         if self.normal.length() < ARC * self.area || self.area == 0.0 {
             return 0.0;

@@ -66,7 +66,7 @@
 //!   If they pushed up to fifty times as hard, in a band of 5 %, that would be cured from 10 substeps on, but a drape would have 11.0 m of
 //!   folds, and a flag in a gale more strain. What counts is how far the weight stretches the cloth, `rho g L/K`. In a breeze of 1 m/s at
 //!   37 degrees, the hem of sheets of 0.5 to 4 m at the default quality keeps 100 % of its width up to .0016, and 78 to 97 % from .0022
-//!   on, with 7 to 30 % of strain at the worst edge. So softer cloth keeps a bound on strain with more substeps instead: a sheet of jersey
+//!   on, with 4 to 30 % of strain at the worst edge. So softer cloth keeps a bound on strain with more substeps instead: a sheet of jersey
 //!   of 41 by 41 takes 21 instead of 6, and three times as long, for 5 % at the worst edge instead of 30, and 99 % of the hem instead of
 //!   81.
 //! - Without the coarser levels, whose edges span the cloth, the finest ones need a wider band: .05 instead of .012 of the squared length
