@@ -10,6 +10,7 @@ struct Edge {
 const TURN_GUARD: f32 = 0.5;
 const STRETCH_GUARD: f32 = 0.44;
 const TAUT_BAND: f32 = 6.5e-4;
+const LEAST_PART: f32 = 0.02;
 // Lower bound of lengths [m] that are used as divisors.
 const MIN_LENGTH: f32 = 1e-12;
 
@@ -62,8 +63,8 @@ fn pull_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
 }
 
 // The impulse of a coarse edge whose ends were predicted to move apart by `predicted`: it pulls, and undoes what other
-// corrections shorten it by while it is hardly slack.
-fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
+// corrections shorten it by while it is hardly slack. `w` is the sum of the inverse masses of its ends.
+fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, w: f32, edge: Edge) -> vec3f {
     let d = d0 + du;
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
     let r = dot(d, d) * inverse_square - 1.0;
@@ -77,7 +78,7 @@ fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
     if r < before && c > TURN_GUARD && abs(r) < STRETCH_GUARD && abs(r0) < STRETCH_GUARD {
         let left = max(1.0 + before * params.per_slack, 0.0);
         let push = (excess_length(r) - excess_length(before)) * left;
-        return d0 * (-edge.inverse_weight * inverse_length(r0) * push);
+        return d0 * (-edge.inverse_weight / max(edge.inverse_weight * w, LEAST_PART) * inverse_length(r0) * push);
     }
     return vec3f();
 }
@@ -97,12 +98,12 @@ const PULL_COARSE: u32 = 0u;
 const HOLD_COARSE: u32 = 1u;
 const PROJECT_COARSE: u32 = 2u;
 
-fn coarse_impulse(d0: vec3f, du: vec3f, predicted: vec3f, edge: Edge) -> vec3f {
+fn coarse_impulse(d0: vec3f, du: vec3f, predicted: vec3f, w: f32, edge: Edge) -> vec3f {
     if params.coarse_rule == PULL_COARSE {
         return pull_coarse(d0, du, edge);
     }
     if params.coarse_rule == HOLD_COARSE {
         return hold_coarse(d0, du, edge);
     }
-    return project_coarse(d0, du, predicted, edge);
+    return project_coarse(d0, du, predicted, w, edge);
 }

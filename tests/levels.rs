@@ -203,7 +203,7 @@ fn gusts_do_not_switch_levels() {
     });
     let levels: Vec<u32> = levels.collect();
     let changes = levels.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    assert!(changes <= 1 && levels.contains(&4), "{changes} changes: {levels:?}");
+    assert!(changes <= 1 && levels.contains(&5), "{changes} changes: {levels:?}");
     let storm = Attributes { wind: 10.0 * Vec3::Z, air_density: 1.225, ..Attributes::default() };
     sheet.step(FRAME, &storm).unwrap();
     assert_eq!(sheet.step(FRAME, &storm).unwrap().levels, 0, "a gale");
@@ -250,7 +250,7 @@ fn contact_wind_moving_pins_and_replay() {
                 pin_targets: Some(targets.clone()),
                 ..Attributes::default()
             };
-            assert_eq!(deformer.step(FRAME, &attributes).unwrap().levels, 4);
+            assert_eq!(deformer.step(FRAME, &attributes).unwrap().levels, 5);
             assert!(deformer.measure().unwrap().penetration <= 1e-6);
             let x = deformer.positions().unwrap();
             assert!(x[0].distance(targets[0]) < 1e-6 && x[n as usize - 1].distance(targets[1]) < 1e-6);
@@ -419,7 +419,9 @@ fn a_breeze_does_not_roll_up_what_hangs() {
 }
 
 /// A curtain that nothing moves stays flat by default, in 5 substeps. Without the coarsest levels it gets wrinkles: diagonal coarse edges
-/// contract it across the load, and the sweeps do not push all of that back.
+/// contract it across the load, and the sweeps do not push all of that back. More substeps than levels are needed for leave no folds,
+/// either: of these sheets of 1 m, of 4 to 7 mm if coarse edges pushed back no more than they pull, and only the levels were in use that
+/// carry the load.
 #[test]
 fn a_curtain_in_still_air_stays_flat() {
     let still = Attributes { damping: 2.0, ..Attributes::default() };
@@ -427,6 +429,11 @@ fn a_curtain_in_still_air_stays_flat() {
     let (flat, wrinkled) = (curtain(Quality::default(), Levels::Auto), curtain(Quality::Substeps(5), Levels::Count(2)));
     println!("in still air: {flat:?} m, with two of three levels {wrinkled:?} m");
     assert!(flat[1] < 1e-3 && wrinkled[1] > 5e-3, "{flat:?} m, with two of three levels {wrinkled:?} m");
+    for substeps in [10, 20, 30] {
+        let [_, out] = hung([21, 21], [1.0, 1.0], 720, Quality::Substeps(substeps), Levels::Auto, &still);
+        println!("at {substeps} substeps {out} m");
+        assert!(out < 2e-3, "at {substeps} substeps {out} m");
+    }
 }
 
 /// Triangles that are turned over are turned back, so levels and a bound render mesh are as if all had been wound alike.

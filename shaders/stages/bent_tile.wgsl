@@ -33,7 +33,7 @@ fn bent_p(k: u32) -> vec3f {
     return tile_u[k].xyz;
 }
 
-fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+fn impulse_of(d0: vec3f, du: vec3f, w: f32, edge: Edge) -> vec3f {
     return project_edge(d0, du, edge);
 }
 

@@ -19,9 +19,9 @@ var<workgroup> of_level: array<vec4f, LEVEL_ROOM>;
 // Whether the tile holds aggregates.
 var<private> on_level: bool;
 
-fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+fn impulse_of(d0: vec3f, du: vec3f, w: f32, edge: Edge) -> vec3f {
     if on_level {
-        return coarse_impulse(d0, du, of_level[edge.a].xyz - of_level[edge.b].xyz, edge);
+        return coarse_impulse(d0, du, of_level[edge.a].xyz - of_level[edge.b].xyz, w, edge);
     }
     return project_edge(d0, du, edge);
 }

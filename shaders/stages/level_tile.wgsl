@@ -10,8 +10,8 @@ override LEVEL: u32 = 0u;
 // The predicted displacements of all aggregates that the tile holds.
 var<workgroup> tile_predicted: array<vec4f, ROOM>;
 
-fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
-    return coarse_impulse(d0, du, tile_predicted[edge.a].xyz - tile_predicted[edge.b].xyz, edge);
+fn impulse_of(d0: vec3f, du: vec3f, w: f32, edge: Edge) -> vec3f {
+    return coarse_impulse(d0, du, tile_predicted[edge.a].xyz - tile_predicted[edge.b].xyz, w, edge);
 }
 
 @compute @workgroup_size(LANES)

@@ -192,7 +192,7 @@ fn correct_coarse(edge: Edge) {
     let u_a = corrected_of(edge.a);
     let u_b = corrected_of(edge.b);
     let predicted = predicted_of(edge.a) - predicted_of(edge.b);
-    let impulse = coarse_impulse(x_a.xyz - x_b.xyz, u_a - u_b, predicted, edge);
+    let impulse = coarse_impulse(x_a.xyz - x_b.xyz, u_a - u_b, predicted, x_a.w + x_b.w, edge);
     set_corrected(edge.a, u_a + impulse * x_a.w);
     set_corrected(edge.b, u_b - impulse * x_b.w);
 }

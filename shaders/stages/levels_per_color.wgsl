@@ -40,7 +40,7 @@ fn sweep_coarse(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     let a = averages[edge.a];
     let b = averages[edge.b];
     let du = corrected[edge.a].xyz - corrected[edge.b].xyz;
-    let impulse = coarse_impulse(a.x.xyz - b.x.xyz, du, a.u.xyz - b.u.xyz, edge);
+    let impulse = coarse_impulse(a.x.xyz - b.x.xyz, du, a.u.xyz - b.u.xyz, a.x.w + b.x.w, edge);
     corrected[edge.a] += vec4f(impulse * a.x.w, 0.0);
     corrected[edge.b] -= vec4f(impulse * b.x.w, 0.0);
 }

@@ -3,7 +3,7 @@
 // The correction of each aggregate of the finest coarse level.
 @group(1) @binding(6) var<storage, read> shift: array<vec4f>;
 
-fn impulse_of(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
+fn impulse_of(d0: vec3f, du: vec3f, w: f32, edge: Edge) -> vec3f {
     return project_edge(d0, du, edge);
 }
 

@@ -10,7 +10,7 @@ fn correct(edge: Edge) {
     let x_b = tile_x[edge.b];
     let u_a = tile_u[edge.a];
     let u_b = tile_u[edge.b];
-    let impulse = impulse_of(x_a.xyz - x_b.xyz, u_a.xyz - u_b.xyz, edge);
+    let impulse = impulse_of(x_a.xyz - x_b.xyz, u_a.xyz - u_b.xyz, x_a.w + x_b.w, edge);
     tile_u[edge.a] = u_a + vec4f(impulse * x_a.w, 0.0);
     tile_u[edge.b] = u_b - vec4f(impulse * x_b.w, 0.0);
 }

@@ -142,7 +142,9 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
             dp[k] = p_a - p_b;
         }
     }
-    let apart = Apart { d0: L::transpose(d0), du: L::transpose(du), predicted: L::transpose(dp), per_slack };
+    let [part_a, part_b] = [1, 2].map(|end| L::from_slice(&factors[end * L::LANES..(end + 1) * L::LANES]));
+    let apart =
+        Apart { d0: L::transpose(d0), du: L::transpose(du), predicted: L::transpose(dp), part: part_a + part_b, per_slack };
     let EdgeCorrection { scale, at_start } = rule::<L, RULE>(apart, inverse_rest);
     if RULE == RELAX || !L::all(at_start) {
         let at_start = L::spread_mask(at_start);
@@ -150,8 +152,7 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
             d0[k] = L::select(at_start[k], d0[k], d0[k] + du[k]);
         }
     }
-    let by_a = (scale * L::from_slice(&factors[L::LANES..2 * L::LANES])).spread();
-    let by_b = (scale * L::from_slice(&factors[2 * L::LANES..3 * L::LANES])).spread();
+    let (by_a, by_b) = ((scale * part_a).spread(), (scale * part_b).spread());
     for k in 0..4 {
         // Both ends are loaded before either is stored: where grid rows are 4096 bytes long, a load would stall on the
         // store to the same offset in another page (4K aliasing). The ends are loaded a second time where that is
@@ -161,20 +162,25 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
     }
 }
 
-/// By what the ends of edges are apart (m) at the substep's start, by what they move apart, and by what they were predicted to.
+/// By what the ends of edges are apart (m) at the substep's start, by what they move apart, and by what they were predicted to; which part
+/// of an excess is corrected.
 struct Apart<L> {
     d0: Vector<L>,
     du: Vector<L>,
     predicted: Vector<L>,
+    part: L,
     per_slack: f32,
 }
 
 #[inline(always)]
-fn rule<L: Registers, const RULE: u8>(Apart { d0, du, predicted, per_slack }: Apart<L>, inverse_rest: L) -> EdgeCorrection<L> {
+fn rule<L: Registers, const RULE: u8>(
+    Apart { d0, du, predicted, part, per_slack }: Apart<L>,
+    inverse_rest: L,
+) -> EdgeCorrection<L> {
     match RULE {
         PROJECT => distance::project_edge(d0, du, inverse_rest),
         PULL_COARSE => distance::pull_coarse(d0, du, inverse_rest),
-        PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest, per_slack),
+        PROJECT_COARSE => distance::project_coarse(d0, du, predicted, inverse_rest, part, per_slack),
         HOLD_COARSE => distance::hold_coarse(d0, du, inverse_rest),
         _ => distance::relax_edge(d0, du, inverse_rest),
     }

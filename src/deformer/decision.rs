@@ -5,7 +5,7 @@ use crate::deformer::Deformer;
 use crate::deformer::buckling::Looks;
 use crate::error::StepError;
 use crate::kernels::limits::{MAX_SUBSTEPS, MIN_TIME_STEP};
-use crate::options::{Levels, Method, Quality};
+use crate::options::{Method, Quality};
 use crate::record::recorded;
 use crate::step::controller::{Controller, FEWEST_SUBSTEPS};
 use crate::step::load::{Fastest, Load, LoadInputs};
@@ -77,10 +77,6 @@ impl Deformer {
             self.rates.divide(&self.cloth, &self.options, dt, substep_rate, controller.longest)?;
         let before = self.state.controller.levels();
         let levels = self.rates.levels(&self.cloth, &self.options, length, load.lasting_pressure, before);
-        let carrying = match self.options.levels {
-            Levels::Count(_) => self.rates.fewest_levels(&self.cloth, length),
-            _ => levels,
-        };
         controller.levels = levels as u32;
         let levels = if trades_levels { 0 } else { levels.min(self.most_levels()) } as u32;
         let watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
@@ -90,7 +86,7 @@ impl Deformer {
             substep_rate,
             substeps,
             levels,
-            lacks_levels: (levels as usize) < carrying,
+            lacks_levels: (levels as usize) < self.rates.fewest_levels(&self.cloth, length),
             fastest,
             bounds: watch.bounds(&self.cloth, &self.rates, attributes, length),
             is_observed: self.is_observed(attributes),

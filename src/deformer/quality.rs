@@ -10,9 +10,10 @@ use crate::error::BuildError;
 use crate::kernels::statistics::Statistics;
 use crate::options::{Backend, Cause, Levels, Method, Options, Quality, Stretch, Warning};
 use crate::step::controller::{Caution, Controller, FEWEST_SUBSTEPS, StrainBound, most};
+use crate::step::levels::{is_gale, rolls_up};
 use crate::step::load::Load;
 use crate::step::own_stretch::{Measured, accepted, excess, resolved_share};
-use crate::step::substep_count::{SIXTIETHS, is_gale, is_soft};
+use crate::step::substep_count::SIXTIETHS;
 
 /// The number of vertices from which levels pay off on a GPU if the substeps are chosen to keep a bound on strain.
 ///
@@ -114,7 +115,7 @@ impl Deformer {
     pub(super) fn trades_levels(&self, has_contact: bool, pressure: f64) -> bool {
         let is_fast = self.backend() == Backend::Gpu && !has_contact && self.cloth.used < LEVELS_PAY;
         let may = match self.options.levels {
-            Levels::Auto => is_fast || is_soft(&self.cloth),
+            Levels::Auto => is_fast || rolls_up(&self.cloth),
             Levels::Off => true,
             Levels::Count(_) => false,
         };

@@ -30,6 +30,9 @@ pub(crate) const TAUT_BAND: f32 = 6.5e-4;
 /// (`a_flag_in_a_gale_stays_a_flag`). If the coarser levels, whose edges span the cloth, are not in use, the finest ones need a wider one.
 pub(crate) const SLACK_BAND: f32 = 0.012;
 pub(crate) const SLACK_BAND_OF_FEW: f32 = 0.05;
+/// Of what others shorten a coarse edge by, it undoes all, but at most one over this times what it would pull by. So edges without
+/// stiffness do not push.
+pub(crate) const LEAST_PART: f32 = 0.02;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;
 
@@ -77,6 +80,9 @@ pub(crate) fn pull_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
 /// pulls, and what other corrections shorten it below the predicted length it undoes, the less the more slack it is, and nothing
 /// where its squared length is below the rest value by the share `1/per_slack` ([`SLACK_BAND`], [`SLACK_BAND_OF_FEW`]).
 ///
+/// A pull takes away `part` of an excess: less than all where the substep resolves the stiffness of the coarse edge. What others shorten
+/// it by in the same substep is no deformation of the cloth, so all of that is undone ([`LEAST_PART`]).
+///
 /// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
 /// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that a
 /// breeze rolls up cloth. A push from a fixed length would resist bending, which shortens the chord between two aggregates; the
@@ -88,6 +94,7 @@ pub(crate) fn project_coarse<L: Lanes>(
     du: Vector<L>,
     predicted: Vector<L>,
     inverse_rest: L,
+    part: L,
     per_slack: f32,
 ) -> EdgeCorrection<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -96,7 +103,7 @@ pub(crate) fn project_coarse<L: Lanes>(
     let mut lengths = Lengths::new(d0, du, inverse_rest);
     let r = lengths.r;
     let (is_slack, pushes) = (r.lt(zero), L::and(lengths.at_start, r.lt(before)));
-    let push = (excess_length(r) - excess_length(before)) * left;
+    let push = (excess_length(r) - excess_length(before)) * left / part.max(L::splat(LEAST_PART));
     // Without a correction the direction is irrelevant, and the path with a root is not needed.
     lengths.at_start = L::or(lengths.at_start, is_slack);
     let mut correction = correct(lengths, L::select(is_slack, push, excess_length(r)), [d0, du], inverse_rest);

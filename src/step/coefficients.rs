@@ -2,7 +2,7 @@
 //! same.
 
 use crate::kernels::distance::Edge;
-use crate::kernels::params::{HOLD_COARSE, PROJECT_COARSE, PULL_COARSE};
+use crate::kernels::params::PROJECT_COARSE;
 use crate::kernels::tether::Tether;
 use crate::model::cloth::Cloth;
 use crate::model::link::Link;
@@ -10,6 +10,7 @@ use crate::model::tethers::{Held, REACH};
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Method, Options};
 use crate::step::bending::{BendRows, most_kicked};
+use crate::step::levels::{coarse_rule, is_soft};
 use crate::step::substep_count::{Length, ONE_WAY, SIXTIETHS, STANDARD_GRAVITY, softening};
 use crate::step::watch::TRANSIENT;
 
@@ -49,7 +50,6 @@ impl Coefficients {
         let edges = swept.iter().map(|link| fine(link, least(link))).collect();
         // The levels carry only the load that the fine sweep does not.
         let left = (1.0 - length.resolved).max(0.0);
-        let hanging = cloth.density * STANDARD_GRAVITY * cloth.extents.extent;
         let sum = |links: &[Link]| links.iter().map(|link| link.shape * f64::from(link.rest).powi(2)).sum::<f64>();
         let share = left / levels.len() as f64 * sum(cloth.swept());
         let is_repeated = coarse_rule(cloth, options) == PROJECT_COARSE;
@@ -59,7 +59,7 @@ impl Coefficients {
             let coarse_edge = |link: &Link| {
                 // Along a soft direction, the fine sweep carries more of the load.
                 let firmness = f64::from(link.scale);
-                let is_soft = hanging > SOFT * cloth.membrane_stiffness * firmness;
+                let is_soft = is_soft(cloth, firmness);
                 let left = (if is_soft { shared } else { left }).min((1.0 - length.resolved / firmness).max(0.0));
                 let weight = link.ends.iter().map(|&end| f64::from(level.inverse_mass[end as usize])).sum();
                 let once = inverse_weight(1.0 / (left * cloth.stiffness(link)), weight, ONE_WAY, 0.0, length);
@@ -83,26 +83,8 @@ impl Coefficients {
     }
 }
 
-/// How coarse edges are corrected, a [`Params::coarse_rule`](crate::kernels::params::Params::coarse_rule). A chain has no width across
-/// which they could pull it together, and cloth without pins does not hang.
-pub(crate) fn coarse_rule(cloth: &Cloth, options: &Options) -> u32 {
-    match (options.fabric.bending > 0.0, cloth.is_sheet) {
-        (false, true) => HOLD_COARSE,
-        (true, true) if cloth.has_pins() => PROJECT_COARSE,
-        _ => PULL_COARSE,
-    }
-}
-
 /// Substeps in 1/60 s above which tethers act only on vertices closer to the pin.
 const FULL_REACH: f64 = 20.0;
-
-/// The strain under its own weight from which cloth counts as soft.
-///
-/// Levels act side by side, each at least as stiff as the fabric, so together they are several times as stiff. Where the weight
-/// stretches cloth by less than this, that does not show, and stiff levels converge sooner. Elsewhere they share the load, and the
-/// edges of each, of which there are some in many directions, are softened to the sum of the fine edges' stiffness (the trace of
-/// its tensor). `benches/results/quality.md` has the figures.
-pub(crate) const SOFT: f64 = 2e-3;
 
 /// The tethers with a share greater than 0. They reach as far from the pin as the sweep leaves edges too long, which is
 /// less far the more substeps there are. Like edges, they are as stiff in a shorter substep as in the longest one: otherwise

@@ -4,6 +4,7 @@ pub(crate) mod bending;
 pub(crate) mod bodies;
 pub(crate) mod coefficients;
 pub(crate) mod controller;
+pub(crate) mod levels;
 pub(crate) mod load;
 pub(crate) mod motion;
 pub(crate) mod own_stretch;

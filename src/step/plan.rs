@@ -16,7 +16,8 @@ use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Contact, Method, Options};
 use crate::step::bodies::moving;
-use crate::step::coefficients::{Coefficients, coarse_rule};
+use crate::step::coefficients::Coefficients;
+use crate::step::levels::coarse_rule;
 use crate::step::load::loading_acceleration;
 use crate::step::motion::{Ambient, Motion, Whereabouts};
 

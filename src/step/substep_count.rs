@@ -7,7 +7,7 @@ use crate::model::cloth::Cloth;
 use crate::model::disjoint_sets::DisjointSets;
 use crate::model::link::Link;
 use crate::options::Fabric;
-use crate::options::{Levels, Method, Options, Quality};
+use crate::options::{Method, Options, Quality};
 use crate::record::recorded;
 
 /// Sixtieths of a second in a second: [`Quality`] counts substeps in each.
@@ -15,18 +15,6 @@ pub(crate) const SIXTIETHS: f64 = 60.0;
 
 /// The gravity (m/s²) assumed where a choice may not depend on the scene.
 pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
-/// Ratio of the substeps that resolve the stiffness to those taken, from which levels pay.
-const PAYS_FROM: f64 = 1.15;
-/// The number of levels changes where substeps are so many times as long, or as short, as those for which it is chosen.
-const KEPT: f64 = 1.25;
-/// How far its weight stretches the hanging edge of cloth, from which it is too soft for levels.
-const SOFT: f64 = 0.002;
-/// Ratio of wind pressure to the cloth's weight above which levels are off, because stretch would show as small wrinkles:
-/// see [`hierarchy`](crate::multigrid::hierarchy).
-const GALE: f64 = 10.0;
-/// The number of levels changes where the pressure is so many times that, or as small a share of it.
-const GUSTY: f64 = 1.5;
-
 /// How a step is divided into substeps.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Division {
@@ -126,40 +114,6 @@ impl Rates {
         Ok(Division { substeps, length: Length { h, longest_h, softest_h, resolved, changes: self.changes } })
     }
 
-    /// The number of coarse levels to use in wind of this dynamic pressure (Pa).
-    ///
-    /// Level l, whose aggregates are about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps. The first level
-    /// that the substeps resolve carries the whole load of an evenly loaded cloth. One more level costs next to nothing
-    /// and helps at corners and on unstructured meshes (two pins, 2000 vertices: mean strain 2.0e-3 with it, 3.2e-3
-    /// without). From 7/8 of `S*` on levels do not pay. Before, they pay in small cloths, too, where they take a fifth
-    /// of a substep's time: a sheet of 31 x 31 that has swung down for half a second is 9.7 mm off with levels at 10
-    /// substeps and 56 mm without, 1.3 and 3.2 mm at 40.
-    ///
-    /// Cloth at rest hangs a little differently with another number of levels, and a change kicks it. So the number of levels
-    /// `before` is kept within [`KEPT`], unless there were none.
-    pub(crate) fn levels(&self, cloth: &Cloth, options: &Options, length: Length, pressure: f64, before: Option<usize>) -> usize {
-        if options.method != Method::SmallSteps {
-            return 0;
-        }
-        match options.levels {
-            Levels::Off => 0,
-            Levels::Count(count) => count as usize,
-            Levels::Auto => {
-                let shortfall = self.resolving_what_shows(cloth) * f64::from(length.longest_h);
-                if shortfall < PAYS_FROM || is_gale(cloth, pressure, before) {
-                    return 0;
-                }
-                let range = [shortfall / KEPT, shortfall * KEPT].map(carrying);
-                before.filter(|&before| before > 0).unwrap_or(carrying(shortfall)).clamp(range[0], range[1])
-            }
-        }
-    }
-
-    /// The fewest levels that [`Rates::levels`] chooses for substeps of this length, if any.
-    pub(crate) fn fewest_levels(&self, cloth: &Cloth, length: Length) -> usize {
-        carrying(self.resolving_what_shows(cloth) * f64::from(length.longest_h) / KEPT)
-    }
-
     /// The number of substeps that explicit springs need in a step of `dt` (s), if it is more than `substeps`.
     pub(crate) fn explicit_shortfall(&self, dt: f32, substeps: u32) -> Option<u32> {
         let needed = f64::from(dt) * self.explicit;
@@ -189,26 +143,6 @@ impl Rates {
     pub(crate) fn keeping(&self, stress: f64, strain: f64) -> f64 {
         self.loaded * (2.0 * stress / strain).sqrt()
     }
-}
-
-/// The number of levels that carry the load if so many times as many substeps would resolve the stiffness.
-fn carrying(shortfall: f64) -> usize {
-    (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
-}
-
-/// Whether wind of this dynamic pressure (Pa) is too strong for levels: see [`hierarchy`](crate::multigrid::hierarchy). A change
-/// kicks the cloth, so in gusts the step goes on with the levels of `before`, or without.
-pub(crate) fn is_gale(cloth: &Cloth, pressure: f64, before: Option<usize>) -> bool {
-    let kept = before.map_or(1.0, |levels| if levels > 0 { GUSTY } else { 1.0 / GUSTY });
-    pressure > kept * GALE * cloth.density * STANDARD_GRAVITY
-}
-
-/// Whether its weight stretches hung cloth so far that levels would roll it up: see [`hierarchy`](crate::multigrid::hierarchy). What hangs
-/// from nothing but lone pins, which are those with tethers, folds anyway, and is stretched most by its pins.
-pub(crate) fn is_soft(cloth: &Cloth) -> bool {
-    let lone = cloth.tethers.as_ref().map_or(0, |tethers| tethers.anchors.len());
-    let has_rows = cloth.pinned.iter().filter(|&&pin| cloth.is_used(pin)).count() > lone;
-    has_rows && cloth.density * STANDARD_GRAVITY * cloth.extents.extent > SOFT * cloth.membrane_stiffness
 }
 
 /// The compliance that a sweep adds to each edge that it visits once, as a multiple of `h² w`.

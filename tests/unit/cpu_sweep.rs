@@ -19,11 +19,11 @@ use crate::{Fabric, Mesh, Options};
 
 /// `u` after one sweep, edge by edge in color order.
 fn swept_plainly(x: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<Vec4> {
-    let impulse = |d0: Vec3A, du: Vec3A, predicted: Vec3A, Edge { inverse_rest, inverse_weight, .. }| match rule {
+    let impulse = |d0: Vec3A, du: Vec3A, predicted: Vec3A, w: f32, Edge { inverse_rest, inverse_weight, .. }| match rule {
         Rule::Project => oracle::project_edge(d0, du, inverse_rest, inverse_weight),
         Rule::PullCoarse => oracle::pull_coarse(d0, du, inverse_rest, inverse_weight),
         Rule::ProjectCoarse { per_slack } => {
-            oracle::project_coarse(d0, du, predicted, [inverse_rest, inverse_weight, 1.0 / per_slack])
+            oracle::project_coarse(d0, du, predicted, [inverse_rest, inverse_weight, 1.0 / per_slack, w])
         }
         Rule::HoldCoarse => oracle::hold_coarse(d0, du, inverse_rest, inverse_weight),
         Rule::Relax => oracle::relax_edge(d0, du, inverse_rest, inverse_weight),
@@ -31,7 +31,7 @@ fn swept_plainly(x: &[Vec4], edges: &[Edge], start: &[Vec4], rule: Rule) -> Vec<
     let mut u = start.to_vec();
     for edge in edges {
         let (a, b) = (edge.a as usize, edge.b as usize);
-        let by = impulse(xyz(x[a] - x[b]), xyz(u[a] - u[b]), xyz(start[a] - start[b]), *edge).extend(0.0);
+        let by = impulse(xyz(x[a] - x[b]), xyz(u[a] - u[b]), xyz(start[a] - start[b]), x[a].w + x[b].w, *edge).extend(0.0);
         u[a] += by * x[a].w;
         u[b] -= by * x[b].w;
     }

@@ -107,7 +107,7 @@ fn constants() -> Vec<(&'static str, Literal)> {
         F32 contact: DEPENETRATION, INSIDE, SWEPT, TOUCHING;
         U32 contact: SWEEP_STEPS, BOX, PLANE;
         U32 device: MARK;
-        F32 distance: TURN_GUARD, TAUT_BAND, STRETCH_GUARD, MIN_LENGTH;
+        F32 distance: TURN_GUARD, TAUT_BAND, STRETCH_GUARD, LEAST_PART, MIN_LENGTH;
         U32 encode: COMPARERS, MEASURERS, FINDERS, BOUNDERS;
         U32 forces_in_workgroup: BEND_VECTORS;
         U32 gpu_watch: IN_TABLE, IN_TILES;
