@@ -21,7 +21,7 @@ const GUSTY: f64 = 1.5;
 impl Rates {
     /// The number of coarse levels to use in wind of this dynamic pressure (Pa).
     ///
-    /// From 7/8 of `S*` on levels do not pay. Before, they pay in small cloths, too, where they take a fifth of a substep's time: a sheet of
+    /// From 7/8 of `S*` on levels do not pay. Before, they pay in small cloths, too, where they take a fifth of a substep: a sheet of
     /// 31 x 31 that has swung down for half a second is 9.7 mm off with levels at 10 substeps and 56 mm without, 1.3 and 3.2 mm at 40.
     ///
     /// Where coarse edges push as far as others shorten them, the coarser levels, too, keep hung cloth flat, cost little, and leave its
@@ -62,9 +62,9 @@ impl Rates {
 
 /// The number of levels that carry the load if so many times as many substeps would resolve the stiffness.
 ///
-/// Level l, whose aggregates are about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps. The first level that the substeps resolve
-/// carries the whole load of an evenly loaded cloth. One more helps at corners and on unstructured meshes (two pins, 2000 vertices: mean
-/// strain 2.0e-3 with it, 3.2e-3 without).
+/// Level l, whose aggregates are about `4 2^l` edges wide, is resolved by `S* / (4 2^l)` substeps. The first level that the substeps
+/// resolve carries the whole load of an evenly loaded cloth. One more helps at corners and on unstructured meshes (two pins, 2000
+/// vertices: mean strain 2.0e-3 with it, 3.2e-3 without).
 fn carrying(shortfall: f64) -> usize {
     (shortfall / 4.0).log2().ceil().clamp(0.0, 31.0) as usize + 2
 }
