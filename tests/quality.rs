@@ -101,6 +101,29 @@ fn what_is_held_taut_comes_to_rest() {
     }
 }
 
+/// Sheets that are held on four sides, and released where they are flat, swing and come to rest in air. If what they need while they are
+/// stretched were forgotten while they are slack, they would never: the towel would swing at 1 m/s, the jersey at .35 m/s.
+#[test]
+fn what_is_held_taut_stops_swinging() {
+    let n = 21;
+    let sides = |v: &u32| [v % n, v / n].iter().any(|&place| place == 0 || place == n - 1);
+    let air = Attributes { air_density: 1.225, ..Attributes::default() };
+    for (fabric, size) in [(Fabric::TOWEL, 3.0), (Fabric::TOWEL, 10.0), (Fabric::JERSEY, 0.6)] {
+        let pinned = (0..n * n).filter(sides).collect();
+        let options = Options { backend: Backend::Cpu, fabric, pinned, ..Options::default() };
+        let mut cloth = Deformer::new(&Mesh::grid(n, n, size, size), options).unwrap();
+        let mean_speed = |_| {
+            cloth.step(FRAME, &air).unwrap();
+            let velocities = cloth.velocities().unwrap();
+            (velocities.iter().map(|v| v.length_squared()).sum::<f32>() / (n * n) as f32).sqrt()
+        };
+        let speeds: Vec<f32> = (0..480).map(mean_speed).collect();
+        let [early, late] = [0, 420].map(|from| speeds[from..from + 60].iter().copied().fold(0.0, f32::max));
+        println!("{size} m: {early} m/s in the first second, {late} m/s in the eighth");
+        assert!(early > 0.2 && late < 0.2 * early, "{size} m: {early} and {late} m/s");
+    }
+}
+
 /// A sheet of jersey that is shaken. Its own stretch is what a step leaves that resolves its stiffness, from the same state. The
 /// controller, which estimates it by the largest load that there may be, must not excuse much more. Before it doubted what the motion
 /// adds (`DOUBT_IN_MOTION` in `src/step/controller.rs`), 70 of these frames broke the promise without a warning.
@@ -237,8 +260,8 @@ fn what_is_held_stretched_does_not_run_away() {
         let report = deformer.step(FRAME, &Attributes { pin_targets, ..Attributes::default() }).unwrap();
         (report.substeps, report.warnings.iter().any(|warning| matches!(warning, Warning::StrainMissed { .. })))
     };
-    let played: Vec<(u32, bool)> = (0..150).map(&mut step).collect();
-    let (most, last) = (played.iter().map(|(substeps, _)| *substeps).max().unwrap(), played[149].0);
+    let played: Vec<(u32, bool)> = (0..240).map(&mut step).collect();
+    let (most, last) = (played.iter().map(|(substeps, _)| *substeps).max().unwrap(), played[239].0);
     println!("at most {most} substeps, {last} in the end");
     assert!(played[..40].iter().any(|(_, missed)| *missed), "it is said that it is stretched");
     assert!(most < 500 && 2 * last < most, "at most {most} substeps, {last} in the end");

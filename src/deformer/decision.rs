@@ -68,7 +68,7 @@ impl Deformer {
         let load = Load::of(inputs, &fastest, thickness);
         let has_contact = thickness.is_some();
         let trades_levels = self.trades_levels(has_contact, load.lasting_pressure);
-        let controller = self.controlled(dt, &load, self.caution(has_contact, trades_levels), has_contact);
+        let controller = self.controlled(dt, &load, self.caution(has_contact, trades_levels, &load), has_contact);
         let substep_rate = self.substep_rate(dt, &controller, thickness, &load);
         // The first substeps of a budget are a guess.
         let is_guess = matches!(self.options.quality, Quality::Budget(_)) && !self.state.pace.is_known();

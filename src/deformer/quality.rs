@@ -99,15 +99,17 @@ impl Deformer {
         }
     }
 
-    /// How cautiously substeps are chosen: on a GPU without contact of triangles, or else; with levels, or with more substeps instead.
-    pub(super) fn caution(&self, has_contact: bool, trades_levels: bool) -> Caution {
-        match self.backend() == Backend::Gpu && !has_contact {
+    /// How cautiously substeps are chosen: on a GPU without contact of triangles, or else; with levels, or with more substeps instead; for
+    /// what is taut between pins.
+    pub(super) fn caution(&self, has_contact: bool, trades_levels: bool, load: &Load) -> Caution {
+        let caution = match self.backend() == Backend::Gpu && !has_contact {
             _ if self.cloth.is_shell => Caution::SHELL,
             false if trades_levels => Caution::PROMPT_WITHOUT_LEVELS,
             false => Caution::PROMPT,
             true if trades_levels => Caution::LATE_WITHOUT_LEVELS,
             true => Caution::LATE,
-        }
+        };
+        if self.state.controller.is_taut(&self.cloth, load) { caution.when_taut() } else { caution }
     }
 
     /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels, because they
@@ -199,7 +201,7 @@ impl Deformer {
         let stretch = f64::from(seen.stretch_of(f64::from(share)));
         let measured = Measured { stretch, share, resolved, held };
         let with_most = times < 1.001;
-        let caution = self.caution(*has_contact, *trades_levels);
+        let caution = self.caution(*has_contact, *trades_levels, load);
         let known =
             self.state.controller.own_of(stretch, with_most, caution.aim(strain_bound), *dt, load.is_calm_in_wind(&self.cloth));
         let beyond = |known| excess(&self.cloth, load, measured, known);

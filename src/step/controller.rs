@@ -31,6 +31,8 @@ const TRIED_STEPS: f32 = 3.5;
 const STOPPED: f64 = 1.0;
 /// It flies into something if that adds this share of the stress of gravity.
 const HIT: f64 = 0.1;
+/// Cloth with pins is taut between them if under a calm load it is stretched more than the strain law says with this factor.
+const TAUT: f64 = 0.5;
 /// A strain this small counts as zero; also the lower bound of the factor.
 const NOTHING: f64 = 1e-9;
 
@@ -47,6 +49,8 @@ pub(crate) struct Caution {
     memory: f64,
     /// Time (s) for which fewer substeps must have sufficed before their number is lowered, unless the cloth is held stretched.
     patience: f64,
+    /// Their number is lowered to one that is expected to leave this share of the stretch aimed at.
+    spare: f64,
     /// Numbers of substeps per octave that are chosen from: see [`Caution::rounded_up`].
     per_octave: f64,
 }
@@ -56,14 +60,14 @@ impl Caution {
     /// compared with [`Caution::LATE`], fifteen scenes take 9 % fewer substeps, and two thirds as many of their frames
     /// exceed the bound (`benches/results/quality.md`).
     pub(crate) const PROMPT: Caution =
-        Caution { first_factor: 0.3, aim: 0.6, most: 0.75, memory: 0.35, patience: 0.05, per_octave: 6.0 };
+        Caution { first_factor: 0.3, aim: 0.6, most: 0.75, memory: 0.35, patience: 0.05, spare: 1.0, per_octave: 6.0 };
     /// The same without levels, where the strain law holds with a factor of about 1. A load that sets in at once, as gravity does in the
     /// first step, stretches cloth twice as far as in the long run.
     pub(crate) const PROMPT_WITHOUT_LEVELS: Caution = Caution { first_factor: 2.0, ..Caution::PROMPT };
     /// For steps that are measured three steps later, with coarse levels, whose strain grows less where the prediction was
     /// wrong.
     pub(crate) const LATE: Caution =
-        Caution { first_factor: 0.3, aim: 0.7, most: 0.85, memory: 0.5, patience: 0.1, per_octave: 4.0 };
+        Caution { first_factor: 0.3, aim: 0.7, most: 0.85, memory: 0.5, patience: 0.1, spare: 1.0, per_octave: 4.0 };
     /// The same without levels. In the nine scenes of `cargo bench --bench quality`, 44 to 48 of 1440 frames then exceed the
     /// bound with [`Caution::LATE`], 13 with an aim of 0.6, and 8 with this one.
     pub(crate) const LATE_WITHOUT_LEVELS: Caution = Caution { first_factor: 1.2, aim: 0.55, most: 0.75, ..Caution::LATE };
@@ -74,7 +78,18 @@ impl Caution {
     /// and with [`Caution::PROMPT`] up to six times, for as many substeps (`benches/results/quality.md`).
     /// For the same reason their number does not stay where the stretch is above the aim.
     pub(crate) const SHELL: Caution =
-        Caution { first_factor: 2.0, aim: 0.7, most: 0.7, memory: 2.0, patience: 0.5, per_octave: 6.0 };
+        Caution { first_factor: 2.0, aim: 0.7, most: 0.7, memory: 2.0, patience: 0.5, spare: 1.0, per_octave: 6.0 };
+
+    /// The same for cloth that is taut between its pins ([`Controller::is_taut`]).
+    ///
+    /// The energy of its swings passes through stretch and back. In substeps that do not resolve the stiffness it is stiffer the more of
+    /// them there are, so if their number rose in each swing where the cloth is stretched, and fell where it is slack, that would keep it
+    /// swinging for ever: a towel of 3 m that is held on four sides, at 1 m/s (`what_is_held_taut_stops_swinging`). So its memory is longer
+    /// than a swing. And cloth at rest falls as their number does, past where it hangs then. That is no reason to raise it again if it
+    /// falls with some stretch to spare.
+    pub(crate) fn when_taut(self) -> Caution {
+        Caution { memory: 2.0, spare: 0.7, ..self }
+    }
 
     /// The stretch beyond the fabric's own that the controller aims at.
     pub(crate) fn aim(self, strain_bound: StrainBound) -> f64 {
@@ -202,7 +217,9 @@ impl Controller {
             let stays = lasts && load.is_calm(cloth) && asked_at(caution.most) <= self.count;
             (if stays { self.count } else { asked }, 0.0)
         } else if f64::from(low) > self.patience(cloth, stress, caution) {
-            let least = asked.max(caution.rounded_up(FALL * self.count)).max(caution.rounded_up(too_few + 1.0));
+            let least = asked_at(caution.spare * caution.aim)
+                .max(caution.rounded_up(FALL * self.count))
+                .max(caution.rounded_up(too_few + 1.0));
             (least.min(self.count), 0.0)
         } else {
             (self.count, low)
@@ -211,6 +228,11 @@ impl Controller {
         let (too_few, failed_under) = if has_failed { (too_few.max(self.count), stress) } else { (too_few, self.failed_under) };
         let fallen_for = if count < self.count { 0.0 } else { self.fallen_for + dt };
         Controller { factor, count, low, stress, too_few, failed_under, fallen_for, ..*self }
+    }
+
+    /// Whether the cloth is taut between its pins.
+    pub(crate) fn is_taut(&self, cloth: &Cloth, load: &Load) -> bool {
+        cloth.has_pins() && !self.is_held() && self.factor > TAUT && load.is_calm(cloth)
     }
 
     /// Whether something holds the cloth stretched: stretch that is the fabric's own is known.
