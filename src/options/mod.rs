@@ -112,8 +112,7 @@ pub enum Method {
 /// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack. Small swings are damped, the
 /// second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more. Soft cloth, and fine cloth
 /// with too few of its levels, is rolled up by a light wind from the side, and in still air hangs in folds of up to a few hundredths of
-/// its width (woven cloth at 10 to 40 substeps, of up to two hundredths). Where that matters, turn them [`Off`](Levels::Off) and take
-/// more substeps.
+/// its width. Where that matters, turn them [`Off`](Levels::Off) and take more substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Levels {
