@@ -3,13 +3,16 @@
 #[macro_use]
 mod common;
 
+use std::sync::Arc;
+
 use cloth_deformer::glam::{EulerRot, Quat, Vec3};
-use cloth_deformer::{Attributes, Backend, Collider, Deformer, Fabric, Mesh, Options, Quality, StepError, StepReport};
+use cloth_deformer::{Attributes, Backend, Collider, Contact, Deformer, Fabric, Mesh, Options, Quality, StepError, StepReport};
 use common::{FRAME, play};
 
 on_every_backend!(
     sticks_below_the_angle_of_friction,
     slides_above_it,
+    an_impact_neither_rebounds_nor_turns_back,
     no_vertex_inside_a_sphere,
     no_vertex_inside_a_moving_sphere,
     no_vertex_inside_a_capsule,
@@ -74,6 +77,62 @@ fn slides_above_it(backend: Backend) {
             (measured / expected - 1.0).abs() <= 0.01,
             "{degrees} degrees, S = {substeps}: {measured} m/s2, expected {expected}"
         );
+    }
+}
+
+/// What a sheet hits.
+#[derive(Debug, Clone, Copy)]
+enum Floor {
+    Plane,
+    Mesh,
+    PinnedCloth,
+}
+
+/// The mean velocity of a flat sheet after it hit a floor with friction .3 at `speed` (m/s, along the floor and toward it), from this
+/// high above it (m), without gravity.
+fn after_an_impact(backend: Backend, floor: Floor, [along, toward]: [f32; 2], height: f32, substeps: u32) -> Vec3 {
+    const FALLING: usize = 64;
+    let contact = Contact { thickness: 0.005, friction: 0.3 };
+    let mut mesh = Mesh::grid(8, 8, 0.3, 0.3);
+    mesh.positions.iter_mut().for_each(|x| x.y += height + contact.thickness);
+    if let Floor::PinnedCloth = floor {
+        let below = Mesh::grid(15, 15, 1.2, 1.2);
+        mesh.triangles.extend(below.triangles.iter().map(|corners| corners.map(|corner| corner + FALLING as u32)));
+        // Not in line with the vertices above.
+        mesh.positions.extend(below.positions.iter().map(|&x| x + Vec3::new(0.0113, 0.0, 0.0071)));
+    }
+    let colliders = match floor {
+        Floor::Plane => vec![Collider::plane(Vec3::ZERO, Vec3::Y)],
+        Floor::Mesh => vec![Collider::mesh(Arc::new(Mesh::grid(5, 5, 4.0, 4.0)))],
+        Floor::PinnedCloth => vec![],
+    };
+    let colliders = colliders.into_iter().map(|collider| collider.with_friction(contact.friction)).collect();
+    let pinned = (FALLING as u32..mesh.positions.len() as u32).collect();
+    let quality = Quality::Substeps(substeps);
+    let options = Options { backend, quality, fabric: Fabric::COTTON, contact: Some(contact), pinned, ..Options::default() };
+    let mut deformer = Deformer::new(&mesh, options).unwrap();
+    let falls = |vertex| if vertex < FALLING { Vec3::new(along, -toward, 0.0) } else { Vec3::ZERO };
+    let velocities: Vec<Vec3> = (0..mesh.positions.len()).map(falls).collect();
+    deformer.set_state(&mesh.positions, &velocities).unwrap();
+    let attributes = Attributes { gravity: Vec3::ZERO, colliders, ..Attributes::default() };
+    play(&mut deformer, (60.0 * height / toward).ceil() as u32 + 2, &attributes);
+    deformer.velocities().unwrap()[..FALLING].iter().sum::<Vec3>() / FALLING as f32
+}
+
+/// An impact takes all of the velocity toward what is hit, and that along it as far as friction does, whatever the number of
+/// substeps and wherever in a substep it happens.
+fn an_impact_neither_rebounds_nor_turns_back(backend: Backend) {
+    for floor in [Floor::Plane, Floor::Mesh, Floor::PinnedCloth] {
+        for (along, toward) in [(0.4_f32, 2.0), (3.0, 2.0)] {
+            for (substeps, height) in [(10, 0.03), (10, 0.05), (20, 0.03), (20, 0.0411), (80, 0.05)] {
+                let v = after_an_impact(backend, floor, [along, toward], height, substeps);
+                let expected = (along - 0.3 * toward).max(0.0);
+                let case = format!("{floor:?}, {along} and {toward} m/s from {height} m, S = {substeps}");
+                println!("{backend:?} {case}: {:+.4} of the velocity back, {:+.4} m/s of {expected}", v.y / toward, v.x);
+                assert!(v.y <= 0.02 * toward, "{case}: rebounds at {} m/s", v.y);
+                assert!((v.x - expected).abs() <= 0.0075 * toward, "{case}: slides at {} m/s, not {expected}", v.x);
+            }
+        }
     }
 }
 

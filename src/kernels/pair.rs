@@ -7,7 +7,13 @@
 
 use crate::simd::{Lanes, Vector};
 
-/// Relaxation factor of the Jacobi iteration over pairs; it is stable below 2 (see [`step_of_lambda`]).
+/// Relaxation factor of the Jacobi iterations over pairs, apart from the last of a substep; it is stable below 2 (see
+/// [`step_of_lambda`]).
+///
+/// The last one is not over-relaxed. Where the bound on a pair is exact, as for cloth that lies flat on a body, an iteration leaves
+/// `1 - RELAXATION` of what it is to end: after four of them, a quarter of the velocity of an impact, and in the next substep 8 % of
+/// it as a rebound, and as friction that turns back what it stops, with any number of substeps. Without over-relaxation it leaves
+/// nothing.
 pub(crate) const RELAXATION: f32 = 1.7;
 /// Share of the thickness by which a pair may be too close without being corrected: see [`separation`].
 pub(crate) const SLACK: f32 = 0.01;

@@ -190,7 +190,12 @@ pub enum Tethers {
 /// A step in which contact stops cloth so suddenly that what follows it would get through, as where layers fall on a body by ten
 /// thicknesses in a substep, is taken twice and takes several times as long.
 ///
-/// Flat cloth slides over cloth and mesh colliders as its friction says, also by several times the thickness in a substep.
+/// What lands on cloth or a mesh collider rebounds by at most about 1 % of its velocity, and flat cloth slides over either as its friction
+/// says, to 1 %, as long as it approaches by at most .9 times the thickness in a substep and slides by at most 1.25 times.
+/// [`Quality::Substeps`] can see to that, for a thickness of 5 mm with one substep in 1/60 s for each .27 m/s of the approach and each
+/// .37 m/s of the slide; other qualities do not look at it. What keeps the two sides apart stops a part of a faster approach to pinned
+/// cloth or a mesh collider, without friction: by one to three thicknesses in a substep, friction is .3 to 1 times what it should be.
+/// What slides faster than that, before or after it lands, may be held back by several times its friction, or be stopped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same

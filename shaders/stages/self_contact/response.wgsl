@@ -5,6 +5,8 @@
 // Whether a workgroup collects the sums of its pairs, which share vertices, in its own memory first. That adds faster, but takes
 // some time even if there is little to add.
 override COLLECTS: bool = false;
+// Whether an iteration is the last of the substep, which is not over-relaxed.
+override IS_LAST: bool = false;
 // Number of vertices for which a workgroup collects, and of places at which one is looked for.
 const PLACES: u32 = 256u;
 const PROBES: u32 = 8u;
@@ -169,10 +171,11 @@ fn step_pair(k: u32) {
     let d = vertices[n.corners.w].u;
     let relative = between(n.weights, Four(a.xyz, b.xyz, c.xyz, d.xyz));
     let held = Multipliers(n.lambda.xyz, n.lambda.w);
+    let rate = n.rate * select(1.0, 1.0 / RELAXATION, IS_LAST);
     let w = vec4f(a.w, b.w, c.w, d.w);
     let gap = max(room_of(n, w), 0.0);
-    let wanted = step_of_lambda(held, n.normal, gap, relative, n.rate, n.friction);
-    let most = vec4f(MOST * contact_params.thickness * n.rate);
+    let wanted = step_of_lambda(held, n.normal, gap, relative, rate, n.friction);
+    let most = vec4f(MOST * contact_params.thickness * rate);
     let now = clamp(vec4f(wanted.lambda_t, wanted.lambda_n), n.lambda - most, n.lambda + most);
     set_lambda(k, now);
     let more = now - n.lambda;

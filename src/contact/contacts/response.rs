@@ -48,8 +48,9 @@ impl Contacts {
         }
         self.warm_start(context, scale);
         self.apply_impulses(context, true);
-        for _ in 0..iterations(context.plan.params.h) {
-            self.step(context);
+        let iterations = iterations(context.plan.params.h);
+        for iteration in 1..=iterations {
+            self.step(context, iteration == iterations);
             self.apply_impulses(context, false);
         }
     }
@@ -67,11 +68,11 @@ impl Contacts {
         for_groups(&mut portions[..*used], (impulses, pushes), workers, &warm_start);
     }
 
-    /// Updates the multipliers, and computes the impulses of the pairs.
-    fn step(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>) {
+    /// Updates the multipliers, in the last iteration without over-relaxation, and computes the impulses of the pairs.
+    fn step(&mut self, SubstepContext { workers, width, .. }: SubstepContext<'_>, is_last: bool) {
         let Contacts { acting: Acting { impulses, weights, .. }, portions, used, u, .. } = self;
         let step = |_, before: usize, groups: &mut [Group], impulses: &mut [[Vec4; MAX_LANES]], _: &mut [()]| {
-            simd::run(width, Step { groups, weights: &weights[before..], impulses: impulses.as_flattened_mut(), u });
+            simd::run(width, Step { groups, weights: &weights[before..], impulses: impulses.as_flattened_mut(), u, is_last });
         };
         for_groups(&mut portions[..*used], (impulses, &mut []), workers, &step);
     }
@@ -162,12 +163,15 @@ struct Step<'a> {
     /// The changes of impulse.
     impulses: &'a mut [Vec4],
     u: &'a [Vec4],
+    /// Whether it is the last of the substep, which is not over-relaxed.
+    is_last: bool,
 }
 
 impl Loop for Step<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
-        let Step { groups, weights, impulses, u } = self;
+        let Step { groups, weights, impulses, u, is_last } = self;
+        let share = L::splat(if is_last { 1.0 / RELAXATION } else { 1.0 });
         for (index, impulses) in impulses.chunks_exact_mut(L::LANES).enumerate() {
             let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);
             let (group, lanes) = (&mut groups[of], first..first + L::LANES);
@@ -176,8 +180,10 @@ impl Loop for Step<'_> {
             let [a, b, c, d] = &weights[of].0;
             let weights = [number(a, first), number(b, first), number(c, first), number(d, first)];
             let relative = between(weights, corners_of::<L>(u, &group.block.corners[lanes.clone()]));
-            let (gap, rate, friction) = (number(&group.gap, first), number(&group.rate, first), number(&group.friction, first));
-            let (new_lambda_t, new_lambda_n) = step_of_lambda((lambda_t, lambda_n), normal, gap, relative, rate, friction);
+            let (gap, friction) = (number(&group.gap, first), number(&group.friction, first));
+            let rate = number::<L>(&group.rate, first);
+            let (new_lambda_t, new_lambda_n) =
+                step_of_lambda((lambda_t, lambda_n), normal, gap, relative, rate * share, friction);
             store_vector(&mut group.lambda_t, first, new_lambda_t);
             store(&mut group.lambda_n[lanes], new_lambda_n);
             store_vectors(impulse((new_lambda_t - lambda_t, new_lambda_n - lambda_n), normal), impulses);

@@ -88,7 +88,7 @@ impl GpuContact {
         stages.apply_impulses_first.dispatch(pass, group, &[], vertices);
         let iterations = iterations(plan.params.h);
         for iteration in 1..=iterations {
-            stages.step[many].dispatch(pass, group, &[], items);
+            stages.step[usize::from(iteration == iterations)][many].dispatch(pass, group, &[], items);
             let apply_impulses = if iteration < iterations { &stages.apply_impulses } else { &stages.apply_impulses_last };
             apply_impulses.dispatch(pass, group, &[], vertices);
         }

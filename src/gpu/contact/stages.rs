@@ -47,7 +47,8 @@ pub(super) struct Stages {
     pub find: Stage,
     /// For few pairs, and for many.
     pub warm_start: [Stage; 2],
-    pub step: [Stage; 2],
+    /// The same of all iterations but the last, and of the last.
+    pub step: [[Stage; 2]; 2],
     pub apply_impulses_first: Stage,
     pub apply_impulses: Stage,
     pub apply_impulses_last: Stage,
@@ -68,9 +69,10 @@ impl Stages {
             Stage::new(gpu, &forces.uniforms, Entry { shader, name, constants }, &bindings)
         };
         let stage = |shader, name, uses: &[usize]| stage_with(shader, name, uses, &[]);
-        let of_few_or_many = |name| {
+        let of_few_or_many = |name, is_last| {
             let uses = [VERTICES, NEAR, SUMS, CONTACT_STATE];
-            [0.0, 1.0].map(|collects| stage_with(shaders::RESPONSE, name, &uses, &[("COLLECTS", collects)]))
+            let constants = |collects| [("COLLECTS", collects), ("IS_LAST", is_last)];
+            [0.0, 1.0].map(|collects| stage_with(shaders::RESPONSE, name, &uses, &constants(collects)))
         };
         let of_vertices = [VERTICES, SUMS, CONTACT_STATE, BODIES];
         let by_begin = [X, VERTICES, TRACKS, CONTACT_STATE, BODIES, X_OUT, P_OUT];
@@ -110,8 +112,8 @@ impl Stages {
             measure: stage(shaders::NARROW_PHASE, "measure", &[TABLE, TRACKS, BUCKETS, PAIRS, CONTACT_STATE, IGNORED, SCRATCH]),
             glance: stage(shaders::NEAR, "glance", &[TABLE, VERTICES, PAIRS, CONTACT_STATE]),
             find: stage(shaders::NEAR, "find", &[TABLE, VERTICES, PAIRS, NEAR, SUMS, CONTACT_STATE]),
-            warm_start: of_few_or_many("warm_start"),
-            step: of_few_or_many("step_pairs"),
+            warm_start: of_few_or_many("warm_start", 0.0),
+            step: [0.0, 1.0].map(|is_last| of_few_or_many("step_pairs", is_last)),
             apply_impulses_first: stage(shaders::RESPONSE, "apply_impulses_first", &of_vertices),
             apply_impulses: stage(shaders::RESPONSE, "apply_impulses", &of_vertices),
             apply_impulses_last: stage(shaders::RESPONSE, "apply_impulses_last", &[VERTICES, SUMS, CONTACT_STATE, BODIES, TABLE]),
