@@ -159,6 +159,8 @@ fn levels_run_where_they_pay() {
     assert_eq!(count(65, 120, |_| {}), 2, "S* is 168");
     assert_eq!(count(65, 150, |_| {}), 0, "S* is 168");
     assert_eq!(count(12, 5, |_| {}), 3, "S* is 29");
+    let bends = |options: &mut Options| options.fabric.bending = 1e-5;
+    assert_eq!([count(20, 20, bends), count(40, 20, bends)], [4, 3], "small sheets that bend use all levels");
     assert_eq!(count(12, 40, |_| {}), 0, "S* is 29");
     assert_eq!(count(65, 20, |options| options.levels = Levels::Off), 0);
     assert_eq!(count(65, 20, |options| options.levels = Levels::Count(2)), 2);
@@ -203,7 +205,7 @@ fn gusts_do_not_switch_levels() {
     });
     let levels: Vec<u32> = levels.collect();
     let changes = levels.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    assert!(changes <= 1 && levels.contains(&5), "{changes} changes: {levels:?}");
+    assert!(changes <= 1 && levels.contains(&4), "{changes} changes: {levels:?}");
     let storm = Attributes { wind: 10.0 * Vec3::Z, air_density: 1.225, ..Attributes::default() };
     sheet.step(FRAME, &storm).unwrap();
     assert_eq!(sheet.step(FRAME, &storm).unwrap().levels, 0, "a gale");
@@ -250,7 +252,7 @@ fn contact_wind_moving_pins_and_replay() {
                 pin_targets: Some(targets.clone()),
                 ..Attributes::default()
             };
-            assert_eq!(deformer.step(FRAME, &attributes).unwrap().levels, 5);
+            assert_eq!(deformer.step(FRAME, &attributes).unwrap().levels, 4);
             assert!(deformer.measure().unwrap().penetration <= 1e-6);
             let x = deformer.positions().unwrap();
             assert!(x[0].distance(targets[0]) < 1e-6 && x[n as usize - 1].distance(targets[1]) < 1e-6);
@@ -419,9 +421,8 @@ fn a_breeze_does_not_roll_up_what_hangs() {
 }
 
 /// A curtain that nothing moves stays flat by default, in 5 substeps. Without the coarsest levels it gets wrinkles: diagonal coarse edges
-/// contract it across the load, and the sweeps do not push all of that back. More substeps than levels are needed for leave no folds,
-/// either: of these sheets of 1 m, of 4 to 7 mm if coarse edges pushed back no more than they pull, and only the levels were in use that
-/// carry the load.
+/// contract it across the load, and the sweeps do not push all of that back. With more substeps, too, sheets of 1 m stay flat. If coarse
+/// edges pushed back no more than they pull, and only the levels that carry the load were used, they would be 4 to 7 mm out of their plane.
 #[test]
 fn a_curtain_in_still_air_stays_flat() {
     let still = Attributes { damping: 2.0, ..Attributes::default() };

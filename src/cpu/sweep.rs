@@ -162,12 +162,12 @@ fn correct<L: Registers, const RULE: u8, const KEEP: bool>(
     }
 }
 
-/// By what the ends of edges are apart (m) at the substep's start, by what they move apart, and by what they were predicted to; which part
-/// of an excess is corrected.
+/// The ends of edges: by what they are apart (m) at the substep's start, by what they move apart, and by what they were predicted to.
 struct Apart<L> {
     d0: Vector<L>,
     du: Vector<L>,
     predicted: Vector<L>,
+    /// The share of an excess that a correction takes away, `(w_a + w_b) inverse_weight`.
     part: L,
     per_slack: f32,
 }

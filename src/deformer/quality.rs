@@ -109,7 +109,7 @@ impl Deformer {
             true if trades_levels => Caution::LATE_WITHOUT_LEVELS,
             true => Caution::LATE,
         };
-        if self.state.controller.is_taut(&self.cloth, load) { caution.when_taut() } else { caution }
+        if self.state.controller.is_taut(&self.cloth, load) { caution.when_taut(load.falling_time(&self.cloth)) } else { caution }
     }
 
     /// Whether a step in wind of this dynamic pressure (Pa) keeps the bound on strain with more substeps instead of levels, because they

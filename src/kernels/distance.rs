@@ -30,8 +30,8 @@ pub(crate) const TAUT_BAND: f32 = 6.5e-4;
 /// (`a_flag_in_a_gale_stays_a_flag`). If the coarser levels, whose edges span the cloth, are not in use, the finest ones need a wider one.
 pub(crate) const SLACK_BAND: f32 = 0.012;
 pub(crate) const SLACK_BAND_OF_FEW: f32 = 0.05;
-/// Of what others shorten a coarse edge by, it undoes all, but at most one over this times what it would pull by. So edges without
-/// stiffness do not push.
+/// A coarse edge undoes all of what others shorten it by, but at most one over this times as much as it would take away of an excess of the
+/// same size. So edges without stiffness do not push.
 pub(crate) const LEAST_PART: f32 = 0.02;
 /// Lower bound of lengths (m) that are used as divisors.
 pub(crate) const MIN_LENGTH: f32 = 1e-12;

@@ -10,10 +10,9 @@ use crate::simd::{Lanes, Vector};
 /// Relaxation factor of the Jacobi iterations over pairs, apart from the last of a substep; it is stable below 2 (see
 /// [`step_of_lambda`]).
 ///
-/// The last one is not over-relaxed. Where the bound on a pair is exact, as for cloth that lies flat on a body, an iteration leaves
-/// `1 - RELAXATION` of what it is to end: after four of them, a quarter of the velocity of an impact, and in the next substep 8 % of
-/// it as a rebound, and as friction that turns back what it stops, with any number of substeps. Without over-relaxation it leaves
-/// nothing.
+/// The last one is not over-relaxed. Where the bound on a pair is exact, as for cloth that lies flat on a body, an over-relaxed iteration
+/// leaves `1 - RELAXATION` of what it is to end. After four that is a quarter of an impact's velocity, with any number of substeps: in the
+/// next one cloth rebounded at 8 % of it, and friction turned back what it had stopped. An iteration that is not leaves nothing.
 pub(crate) const RELAXATION: f32 = 1.7;
 /// Share of the thickness by which a pair may be too close without being corrected: see [`separation`].
 pub(crate) const SLACK: f32 = 0.01;
@@ -209,8 +208,8 @@ pub(crate) fn perpendicular<L: Lanes>(apart: Vector<L>, weights: [L; 4], x: [Vec
 /// One Jacobi step of a pair's multipliers: `lambda_t`, those of friction, and `lambda_n`, that of the normal (kg m).
 ///
 /// `relative` (m) is the relative displacement of the two sides in this substep, and `gap` (m) how far they may
-/// approach. `rate` is [`RELAXATION`] over `D = sum_v w_v |weight_v| N_v`, where `N_v` is the sum of a vertex's weights
-/// over all its pairs. `D` bounds the rows of `J W J^T` (Gershgorin), so pairs that all act at once do not overshoot.
+/// approach. `rate` is [`RELAXATION`], in the last iteration 1, over `D = sum_v w_v |weight_v| N_v`, where `N_v` is the sum of a
+/// vertex's weights over all its pairs. `D` bounds the rows of `J W J^T` (Gershgorin), so pairs that all act at once do not overshoot.
 /// Coulomb friction bounds the tangential multipliers by `friction` times the normal one.
 #[inline(always)]
 pub(crate) fn step_of_lambda<L: Lanes>(

@@ -59,17 +59,16 @@
 //!   flattens wrinkles shallower than 3 %, and costs a tenth more error at 40 substeps and nothing from 80 on.
 //! - That resists bending: the tip of a heavy elastica (G = 100 in `an_elastica_with_levels`) would sag by .4 to .7 of its reach instead of
 //!   5.9. So with bending stiffness they undo what other corrections shorten them by, and resist no bend that was predicted
-//!   (`distance::project_coarse`), if the cloth has pins; otherwise it does not hang, and they only pull. With the same rule, without a
-//!   limit, a drape without pins would have 9.6 m of folds instead of 11.8, with the limit 11.3, and has 11.2; and a sheet without bending
-//!   stiffness would have a fifth to two fifths more mean strain while it swings.
+//!   (`distance::project_coarse`), if the cloth has pins; otherwise it does not hang, and they only pull. With the same rule, pushes as weak
+//!   as pulls, and no limit, a drape without pins would have 9.6 m of folds instead of 11.8, with the limit 11.3, and has 11.2; and a sheet
+//!   without bending stiffness would have a fifth to two fifths more mean strain while it swings.
 //! - Soft coarse edges pull little, and push at most fifty times as hard, so soft cloth is still rolled up: a sheet of jersey of 1 m, of
 //!   21 by 21 and 41 by 41 vertices, to .79 and .84 m at 5 substeps. If they pushed four hundred times as hard, in a band of a tenth,
-//!   that would be cured for 41 by 41 vertices, but not for 21 by 21.
-//!   What counts is how far the weight stretches the cloth, `rho g L/K`. In a breeze of 1 m/s at
-//!   37 degrees, the hem of sheets of 0.5 to 4 m at the default quality keeps 100 % of its width up to .0016, and 78 to 97 % from .0022
-//!   on, with 4 to 30 % of strain at the worst edge. So softer cloth keeps a bound on strain with more substeps instead: a sheet of jersey
-//!   of 41 by 41 takes 21 instead of 6, and three times as long, for 5 % at the worst edge instead of 30, and 99 % of the hem instead of
-//!   81.
+//!   that would be cured for 41 by 41 vertices, but not for 21 by 21. What counts is how far the weight stretches the cloth, `rho g L/K`.
+//!   In a breeze of 1 m/s at 37 degrees, the hem of sheets of 0.5 to 4 m at the default quality keeps 100 % of its width up to .0016, and
+//!   78 to 97 % from .0022 on, with 4 to 30 % of strain at the worst edge. So softer cloth keeps a bound on strain with more substeps
+//!   instead: a sheet of jersey of 41 by 41 takes 21 instead of 6, and three times as long, for 5 % at the worst edge instead of 30, and
+//!   99 % of the hem instead of 81.
 //! - Without the coarser levels, whose edges span the cloth, the finest ones need a wider band: .05 instead of .012 of the squared length
 //!   (`distance::SLACK_BAND_OF_FEW`). In the narrow one a panel of .75 m by 1 m with 96 by 128 vertices would be rolled up to .60 m, and by
 //!   default on an H200, with the finest level alone, to .18 m.
@@ -109,11 +108,12 @@
 //! automatically in a gale; more substeps help there.
 //!
 //! In substeps that resolve a coarse edge, it takes away only part of an excess. If it also pushed back only that part of what others
-//! shorten it by, and only the levels were used that carry the load, folds would be left: in sheets of 1 m of towel with 21 by 21
-//! vertices, from the foremost to the hindmost vertex, 19, 16 and 13 mm at 10, 20 and 30 substeps; with all levels 0, 5 and 7 mm; with full
-//! pushes 12, 8 and 5 mm; with both 0, 0 and 1 mm. More levels leave the motion of such sheets as it is. Full pushes cost a sheet that
-//! falls about its upper edge up to a third more error (1.3 mm instead of 1.0 at 20 substeps after a third of a second), and save one that
-//! hangs from two corners a tenth.
+//! shorten it by, hung sheets would get folds: sheets of 1 m of towel, from the foremost to the hindmost vertex, of 19, 16 and 13 mm at 10,
+//! 20 and 30 substeps with 21 by 21 vertices, and 0, 1 and 3 mm with 41 by 41. With full pushes 12, 8 and 5 mm are left with 21 by 21,
+//! none with 41 by 41, and from 25 by 25 on at most 2.3 mm in towel or cotton. With all levels, too, instead of those that carry the load,
+//! 0, 0 and 1 mm are left with 21 by 21. More levels leave the motion of such sheets as it is. Full pushes cost a sheet that falls about
+//! its upper edge up to a third more error (1.3 mm instead of 1.0 at 20 substeps after a third of a second), and save one that hangs from
+//! two corners a tenth.
 //!
 //! Tethers (long range attachments: Kim, Chentanez and Müller 2012) cannot replace the levels. Tethers over a whole
 //! sheet are cheaper by a tenth of a substep, but leave a strain of 6.5e-3 and an error of 0.057 m, where levels leave

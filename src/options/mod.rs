@@ -195,7 +195,7 @@ pub enum Tethers {
 /// [`Quality::Substeps`] can see to that, for a thickness of 5 mm with one substep in 1/60 s for each .27 m/s of the approach and each
 /// .37 m/s of the slide; other qualities do not look at it. What keeps the two sides apart stops a part of a faster approach to pinned
 /// cloth or a mesh collider, without friction: by one to three thicknesses in a substep, friction is .3 to 1 times what it should be.
-/// What slides faster than that, before or after it lands, may be held back by several times its friction, or be stopped.
+/// What slides faster than that with friction, before or after it lands, may be held back by several times of it, or be stopped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same

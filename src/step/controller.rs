@@ -31,8 +31,9 @@ const TRIED_STEPS: f32 = 3.5;
 const STOPPED: f64 = 1.0;
 /// It flies into something if that adds this share of the stress of gravity.
 const HIT: f64 = 0.1;
-/// Cloth with pins is taut between them if under a calm load it is stretched more than the strain law says with this factor.
-const TAUT: f64 = 0.5;
+/// Cloth with pins counts as taut between them if under a calm load it is stretched more than the strain law says with this factor. A
+/// sheet that hangs by an edge without levels has a factor of 1 and counts, too.
+const TAUT_FACTOR: f64 = 0.5;
 /// A strain this small counts as zero; also the lower bound of the factor.
 const NOTHING: f64 = 1e-9;
 
@@ -80,15 +81,15 @@ impl Caution {
     pub(crate) const SHELL: Caution =
         Caution { first_factor: 2.0, aim: 0.7, most: 0.7, memory: 2.0, patience: 0.5, spare: 1.0, per_octave: 6.0 };
 
-    /// The same for cloth that is taut between its pins ([`Controller::is_taut`]).
+    /// The same for cloth that is taut between its pins ([`Controller::is_taut`]) and would take this `time` (s) to fall by half its size.
     ///
-    /// The energy of its swings passes through stretch and back. In substeps that do not resolve the stiffness it is stiffer the more of
-    /// them there are, so if their number rose in each swing where the cloth is stretched, and fell where it is slack, that would keep it
-    /// swinging for ever: a towel of 3 m that is held on four sides, at 1 m/s (`what_is_held_taut_stops_swinging`). So its memory is longer
-    /// than a swing. And cloth at rest falls as their number does, past where it hangs then. That is no reason to raise it again if it
-    /// falls with some stretch to spare.
-    pub(crate) fn when_taut(self) -> Caution {
-        Caution { memory: 2.0, spare: 0.7, ..self }
+    /// The energy of its swings passes through stretch and back. In substeps that do not resolve its stiffness, cloth is the stiffer the
+    /// more of them there are. So if their number rose in each swing where the cloth is stretched, and fell where it is slack, that would
+    /// keep it swinging for ever: a towel of 3 m that is held on four sides, at 1 m/s (`what_is_held_taut_stops_swinging`). So its memory
+    /// is longer than a swing. And cloth at rest sinks when their number falls, and swings past its new place; with some stretch to spare,
+    /// that does not raise the number again.
+    pub(crate) fn when_taut(self, time: f64) -> Caution {
+        Caution { memory: self.memory.max(3.0 * time), spare: 0.7, ..self }
     }
 
     /// The stretch beyond the fabric's own that the controller aims at.
@@ -230,9 +231,10 @@ impl Controller {
         Controller { factor, count, low, stress, too_few, failed_under, fallen_for, ..*self }
     }
 
-    /// Whether the cloth is taut between its pins.
+    /// Whether the cloth is taut between its pins, and not known to be held stretched, for which [`Controller::own_of`] has rules of its
+    /// own.
     pub(crate) fn is_taut(&self, cloth: &Cloth, load: &Load) -> bool {
-        cloth.has_pins() && !self.is_held() && self.factor > TAUT && load.is_calm(cloth)
+        cloth.has_pins() && !self.is_held() && self.factor > TAUT_FACTOR && load.is_calm(cloth)
     }
 
     /// Whether something holds the cloth stretched: stretch that is the fabric's own is known.

@@ -141,6 +141,11 @@ impl Load {
         cloth.density * self.ambient * cloth.extents.extent
     }
 
+    /// The time (s) in which cloth that gravity and linear drag alone move falls by half of its size.
+    pub(crate) fn falling_time(&self, cloth: &Cloth) -> f64 {
+        (cloth.extents.extent / self.ambient).sqrt()
+    }
+
     /// Whether what moves adds less than a third to the stress of gravity.
     pub(crate) fn is_calm(&self, cloth: &Cloth) -> bool {
         self.stress_without_wind(cloth) < 1.3 * self.weight(cloth)

@@ -15,6 +15,7 @@ pub(crate) const SIXTIETHS: f64 = 60.0;
 
 /// The gravity (m/s²) assumed where a choice may not depend on the scene.
 pub(crate) const STANDARD_GRAVITY: f64 = 9.81;
+
 /// How a step is divided into substeps.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Division {

@@ -171,6 +171,7 @@ impl Loop for Step<'_> {
     #[inline(always)]
     fn run<L: Registers>(self) {
         let Step { groups, weights, impulses, u, is_last } = self;
+        // The rate of a pair includes the over-relaxation.
         let share = L::splat(if is_last { 1.0 / RELAXATION } else { 1.0 });
         for (index, impulses) in impulses.chunks_exact_mut(L::LANES).enumerate() {
             let (of, first) = (index * L::LANES / MAX_LANES, index * L::LANES % MAX_LANES);

@@ -47,7 +47,7 @@ pub(super) struct Stages {
     pub find: Stage,
     /// For few pairs, and for many.
     pub warm_start: [Stage; 2],
-    /// The same of all iterations but the last, and of the last.
+    /// For all iterations but the last, and for the last; each for few pairs, and for many.
     pub step: [[Stage; 2]; 2],
     pub apply_impulses_first: Stage,
     pub apply_impulses: Stage,

@@ -37,7 +37,7 @@ pub(crate) struct Group {
     pub friction: [f32; MAX_LANES],
     /// By how much (m) they may approach.
     pub gap: [f32; MAX_LANES],
-    /// See [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
+    /// Of all iterations but the last: see [`step_of_lambda`](crate::kernels::pair::step_of_lambda).
     pub rate: [f32; MAX_LANES],
     /// Multipliers (kg m): for friction, and along the normal.
     pub lambda_t: [[f32; MAX_LANES]; 3],
