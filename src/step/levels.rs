@@ -27,9 +27,9 @@ impl Rates {
     /// 31 x 31 that has swung down for half a second is 9.7 mm off with levels at 10 substeps and 56 mm without, 1.3 and 3.2 mm at 40.
     ///
     /// Small sheets that coarse edges keep flat ([`PROJECT_COARSE`]) use all levels, with which fewer folds are left in them. Larger ones
-    /// hang flat with as many as carry the load, and one more would cost much on a GPU: a sheet of 64 x 64 in wind takes 1.7 ms a frame on
-    /// an H200 at 20 substeps instead of .9. Soft cloth, which more levels would hold up, and cloth without pins or bending stiffness take
-    /// as many as carry the load, too.
+    /// hang flat with as many as carry the load, and would take 3 to 15 % longer on an H200 with more (64 x 64 and 128 x 128 vertices, 20
+    /// substeps). Soft cloth, which more levels would hold up, and cloth without pins or bending stiffness take as many as carry the load,
+    /// too.
     ///
     /// Cloth at rest hangs a little differently with another number of levels, and a change kicks it. So the number `before` is kept
     /// within [`KEPT`], unless there were none.
