@@ -480,13 +480,14 @@ fn where_nothing_touches_it_changes_no_bit(backend: Backend) {
 }
 
 /// A sheet that hangs half through another at the start: the crossings are reported and nothing explodes. Once it has
-/// been pulled out, it is held. How fast cloth snaps free is a matter of chance: of eight meshes with 20 and 40 substeps, 1.8 to 18 m/s with
-/// a median of 3.3, and more with levels.
+/// been pulled out, it is held. How fast cloth snaps free is a matter of chance, and more with levels: of sixty meshes with 20 substeps half
+/// are slower than 3.3 m/s and nine tenths than 7.2 m/s, the fastest is at 45 m/s. Before the last iteration of contact was no longer
+/// over-relaxed, these were 3.5, 17.7 and 39 m/s, with ten faster than 8 m/s instead of six.
 #[test]
 fn a_start_that_crosses_is_let_go_until_it_parts() {
-    let mut fastest = [8, 18, 28, 38, 48].map(pulled_out);
+    let mut fastest = [8, 18, 28, 38, 48, 58, 68, 78, 88].map(pulled_out);
     fastest.sort_by(f32::total_cmp);
-    assert!(fastest[2] < 4.0 && fastest[4] < 8.0, "the fastest vertices move at {fastest:?} m/s");
+    assert!(fastest[4] < 4.0 && fastest[6] < 8.0, "the fastest vertices move at {fastest:?} m/s");
 }
 
 /// The speed (m/s) of the fastest vertex while a sheet is pulled out of another one.
