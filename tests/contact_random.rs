@@ -290,13 +290,20 @@ fn what_turns_takes_along_what_touches_it_on_the_gpu() {
 /// Bodies that move through the floor, with cloth between them, which crossed before cloth went along with what runs over it. Where
 /// the number of substeps jumps while the body presses, as the bound on strain of the first scene makes it (from 16 to 215), cloth
 /// may be pinched; then it is reported. Of 200 bounds from 1.5 to 5.5 % this happened with 49, before the last iteration of contact was no
-/// longer over-relaxed. It may also happen with few substeps: of the numbers from 5 to 44, with 8 and 9 in the first scene.
+/// longer over-relaxed. It may also happen with few substeps: of 80 scenes with 5 to 44, in two, before (9 and 31) and now (8 and 9).
 #[test]
 fn what_a_body_presses_on_the_floor_goes_along() {
-    for (seed, substeps) in [52335, 64821].into_iter().flat_map(|seed| [10, 20, 60, 215].map(|substeps| (seed, substeps))) {
+    let end = |seed, substeps| {
         let scene = scene(seed);
         let options = Options { backend: Backend::Cpu, quality: Quality::Substeps(substeps), ..scene.options };
-        assert_eq!(play(&Scene { options, ..scene }, 60), Ok(End::Apart), "seed {seed}, {substeps} substeps");
+        play(&Scene { options, ..scene }, 60).unwrap_or_else(|problem| panic!("seed {seed}, {substeps} substeps: {problem:?}"))
+    };
+    let seeds = [52335, 64821];
+    let of_few = seeds.into_iter().flat_map(|seed| (5..=44).map(move |substeps| (seed, substeps)));
+    let pinched: Vec<_> = of_few.filter(|&(seed, substeps)| end(seed, substeps) == End::Pinched).collect();
+    assert!(pinched.len() <= 2, "pinched: {pinched:?}");
+    for (seed, substeps) in seeds.into_iter().flat_map(|seed| [20, 60, 215].map(|substeps| (seed, substeps))) {
+        assert_eq!(end(seed, substeps), End::Apart, "seed {seed}, {substeps} substeps");
     }
     let bounded = scene(52335);
     let played = play(&Scene { options: Options { backend: Backend::Cpu, ..bounded.options }, ..bounded }, 60);

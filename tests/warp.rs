@@ -73,7 +73,8 @@ fn a_character_is_teleported_without_a_kick(backend: Backend) {
         let collar = |x: &Vec3| place.transform_point3(*x + Vec3::X * (1.5 * FRAME * frame as f32));
         let pin_targets = Some(mesh.positions[..11].iter().map(collar).collect());
         let body = Collider::sphere(place.transform_point3(Vec3::new(0.0, -0.5, -0.3)), 0.2);
-        Attributes { pin_targets, colliders: vec![body], ..Attributes::default() }
+        // Without damping, what is rounded in another place grows by a factor of two a frame, to some percent in the end.
+        Attributes { pin_targets, colliders: vec![body], damping: 2.0, ..Attributes::default() }
     };
     let energies = |teleports: bool, warps: bool| {
         let mut cloth = Deformer::new(&mesh, options.clone()).unwrap();
@@ -94,8 +95,8 @@ fn a_character_is_teleported_without_a_kick(backend: Backend) {
     };
     let (plain, warped, thrown) = (energies(false, false), energies(true, true), energies(true, false));
     for (frame, (plain, warped)) in (1..).zip(plain.iter().zip(&warped)) {
-        // A kick would show at once. What is rounded in another place grows by a factor of two a frame, to some percent in the end.
-        let bound = if frame <= 26 { 1.005 } else { 1.2 };
+        // A kick would show at once.
+        let bound = if frame <= 26 { 1.005 } else { 1.05 };
         assert!(*warped < bound * plain + 1e-6, "frame {frame}: {warped} J, undisturbed {plain}");
     }
     assert!(thrown[20] > 100.0 * plain[20], "without a warp it is thrown: {} J", thrown[20]);
