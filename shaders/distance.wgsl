@@ -63,24 +63,27 @@ fn pull_coarse(d0: vec3f, du: vec3f, edge: Edge) -> vec3f {
 }
 
 // The impulse of a coarse edge whose ends were predicted to move apart by `predicted`: it pulls, and undoes what other
-// corrections shorten it by while it is hardly slack. `w` is the sum of the inverse masses of its ends.
+// corrections shorten it by while it is hardly slack. `w` is the sum of the inverse masses of its ends. Pulls and pushes share
+// a path, because a subgroup takes as long as all paths that any of its edges takes.
 fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, w: f32, edge: Edge) -> vec3f {
     let d = d0 + du;
+    let p = d0 + predicted;
     let inverse_square = edge.inverse_rest * edge.inverse_rest;
     let r = dot(d, d) * inverse_square - 1.0;
-    if r >= 0.0 {
-        return project_edge(d0, du, edge);
-    }
-    let p = d0 + predicted;
-    let before = min(dot(p, p) * inverse_square - 1.0, 0.0);
     let c = dot(d0, d) * inverse_square;
     let r0 = dot(d0, d0) * inverse_square - 1.0;
-    if r < before && c > TURN_GUARD && abs(r) < STRETCH_GUARD && abs(r0) < STRETCH_GUARD {
+    let is_slack = r < 0.0;
+    if c > TURN_GUARD && abs(r) < STRETCH_GUARD && abs(r0) < STRETCH_GUARD {
+        let before = select(0.0, min(dot(p, p) * inverse_square - 1.0, 0.0), is_slack);
         let left = max(1.0 + before * params.per_slack, 0.0);
-        let push = (excess_length(r) - excess_length(before)) * left;
-        return d0 * (-edge.inverse_weight / max(edge.inverse_weight * w, LEAST_PART) * inverse_length(r0) * push);
+        let part = select(1.0, max(edge.inverse_weight * w, LEAST_PART), is_slack);
+        let excess = select(excess_length(r) - excess_length(before), 0.0, is_slack && r >= before);
+        return d0 * (-edge.inverse_weight * left / part * inverse_length(r0) * excess);
     }
-    return vec3f();
+    if is_slack {
+        return vec3f();
+    }
+    return relax_edge(d0, du, edge);
 }
 
 // The impulse of a coarse edge that also pushes a little while it is hardly compressed.
@@ -98,12 +101,13 @@ const PULL_COARSE: u32 = 0u;
 const HOLD_COARSE: u32 = 1u;
 const PROJECT_COARSE: u32 = 2u;
 
+// The rule of most cloths is the first one, because a comparison takes a GPU as long as a twentieth of a coarse edge.
 fn coarse_impulse(d0: vec3f, du: vec3f, predicted: vec3f, w: f32, edge: Edge) -> vec3f {
-    if params.coarse_rule == PULL_COARSE {
-        return pull_coarse(d0, du, edge);
+    if params.coarse_rule == PROJECT_COARSE {
+        return project_coarse(d0, du, predicted, w, edge);
     }
     if params.coarse_rule == HOLD_COARSE {
         return hold_coarse(d0, du, edge);
     }
-    return project_coarse(d0, du, predicted, w, edge);
+    return pull_coarse(d0, du, edge);
 }

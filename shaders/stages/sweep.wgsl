@@ -25,16 +25,17 @@ struct FourColors {
     d: StoredEdge,
 }
 
-// Edge number k of a color. Colors past the last one return unspecified edges, which must not be used.
+// Edge number k of a color, if there is room for it. Colors past the last one return unspecified edges, which must not be used.
 fn fetch(edges: ColoredEdges, color: u32, k: u32) -> StoredEdge {
-    if k >= edges.width {
-        return StoredEdge(NONE, 0u, 0u);
-    }
     let at = edges.start + 3u * edges.width * color + k;
     return StoredEdge(table[at], table[at + edges.width], table[at + 2u * edges.width]);
 }
 
 fn fetch_four(edges: ColoredEdges, color: u32, lane: u32) -> FourColors {
+    if lane >= edges.width {
+        let nothing = StoredEdge(NONE, 0u, 0u);
+        return FourColors(nothing, nothing, nothing, nothing);
+    }
     return FourColors(
         fetch(edges, color, lane),
         fetch(edges, color + 1u, lane),
@@ -56,8 +57,11 @@ fn sweep_color(edges: ColoredEdges, color: u32, first: StoredEdge, lane: u32) {
         return;
     }
     correct_stored(first);
-    for (var k = lane + LANES; k < edges.width; k += LANES) {
-        correct_stored(fetch(edges, color, k));
+    // A loop takes time even if it ends at once, and the compiler can drop it if this is known to be false.
+    if edges.width > LANES {
+        for (var k = lane + LANES; k < edges.width; k += LANES) {
+            correct_stored(fetch(edges, color, k));
+        }
     }
     workgroupBarrier();
 }

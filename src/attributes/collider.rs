@@ -148,7 +148,9 @@ impl Collider {
     /// the cloth from both sides, so thin and open parts work as well, and edges are held as well as vertices. No
     /// triangle passes through (a thread, which has none, does), provided that nothing crosses where the mesh first appears
     /// ([`Warning::BodyCrossings`](crate::Warning::BodyCrossings)) and that pins and meshes move no faster than the
-    /// substeps resolve ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). With [`Backend::Gpu`](crate::Backend::Gpu)
+    /// substeps resolve ([`Warning::ContactOutruns`](crate::Warning::ContactOutruns)). Cloth whose edges are longer than about twice the
+    /// thickness catches on sharp edges of a mesh even without friction, and stays on a bar if a quarter more of it hangs down on one side
+    /// than on the other; give such a mesh rounder edges, or the cloth more vertices. With [`Backend::Gpu`](crate::Backend::Gpu)
     /// such a step waits for the GPU once; in a browser, which cannot wait, it returns an error.
     /// [`Backend::Auto`](crate::Backend::Auto) is decided before the first collider is known.
     ///

@@ -48,7 +48,7 @@ impl Deformer {
         let positions = |mesh: &Mesh| mesh.positions.iter().map(|&x| x - origin).collect();
         let bodies: Vec<Mesh> =
             meshes.map(|mesh| Mesh { positions: positions(mesh), triangles: mesh.triangles.clone() }).collect();
-        let at_rest = |collider: &Collider| moving(collider, collider, &self.cloth);
+        let at_rest = |collider: &Collider| moving(collider, collider, &self.cloth, [1.0; 2]);
         let analytic = attributes.colliders.iter().filter(|collider| collider.shape.mesh().is_none());
         let analytic: Vec<Body> = analytic.map(at_rest).collect();
         let mut x: Vec<Vec4> = self.local.clone();

@@ -12,6 +12,10 @@ pub enum Quality {
     Substeps(u32),
     /// In every step, 99 percent of the cloth's area is stretched by at most this much beyond what the fabric itself
     /// yields under its load. Short for [`Quality::Hold`] with a share of 0.99.
+    ///
+    /// What the bound allows may stretch in place of bending. In a drape test, a disc of cotton of 30 cm over one of 18 cm, the hem is
+    /// stretched by 1.2 % at the default of 0.03, and the drape coefficient is 47 to 56 % on various meshes; with 0.003 it is 65 to
+    /// 66 %, as with hundreds of substeps. So give less where bending shapes the cloth.
     Strain(f32),
     /// As few substeps as keep the stretch of most of the cloth's area below a bound, chosen anew for every step.
     ///

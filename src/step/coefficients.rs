@@ -7,7 +7,7 @@ use crate::kernels::tether::Tether;
 use crate::model::cloth::Cloth;
 use crate::model::link::Link;
 use crate::model::tethers::{Held, REACH};
-use crate::multigrid::hierarchy::Level;
+use crate::multigrid::hierarchy::{Level, OVER_RELAXATION};
 use crate::options::{Method, Options};
 use crate::step::bending::{BendRows, most_kicked};
 use crate::step::levels::{coarse_rule, is_soft};
@@ -56,6 +56,7 @@ impl Coefficients {
         let coarse = |level: &Level| {
             let shared = (share / sum(&level.links)).min(left);
             let sweeps = if is_repeated { f64::from(level.sweeps) } else { 1.0 };
+            let over = if sweeps > 1.0 { OVER_RELAXATION } else { 1.0 };
             let coarse_edge = |link: &Link| {
                 // Along a soft direction, the fine sweep carries more of the load.
                 let firmness = f64::from(link.scale);
@@ -65,7 +66,8 @@ impl Coefficients {
                 let once = inverse_weight(1.0 / (left * cloth.stiffness(link)), weight, ONE_WAY, 0.0, length);
                 // All sweeps over a soft edge correct it, by itself, as much as one would.
                 let is_divided = is_soft && sweeps > 1.0;
-                edge(link, if is_divided { (1.0 - (1.0 - weight * once).max(0.0).powf(1.0 / sweeps)) / weight } else { once })
+                let divided = || (1.0 - (1.0 - weight * once).max(0.0).powf(1.0 / sweeps)) / weight;
+                edge(link, if is_divided { divided() } else { over * once })
             };
             level.links.iter().map(coarse_edge).collect()
         };
