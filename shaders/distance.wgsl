@@ -83,7 +83,7 @@ fn project_coarse(d0: vec3f, du: vec3f, predicted: vec3f, w: f32, edge: Edge) ->
     if is_slack {
         return vec3f();
     }
-    return relax_edge(d0, du, edge);
+    return relax_edge(d0, du, edge) / max(edge.inverse_weight * w, 1.0);
 }
 
 // The impulse of a coarse edge that also pushes a little while it is hardly compressed.

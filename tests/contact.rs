@@ -35,6 +35,7 @@ on_every_backend!(
     nothing_tunnels,
     a_start_inside_is_freed_without_a_kick,
     a_strip_laid_over_a_round_edge_is_held_by_friction,
+    round_colliders_stay_enlarged,
     a_moving_floor_carries_the_cloth,
     a_growing_sphere_pushes,
     a_set_state_forgets_where_colliders_were,
@@ -612,6 +613,43 @@ fn a_strip_laid_over_a_round_edge_is_held_by_friction(backend: Backend) {
         let slid = strip.positions().unwrap()[0].x - end.x;
         assert!(if holds { slid < 0.01 } else { slid > 0.1 }, "{quality:?}, {share} of what is held: slid by {slid} m");
     }
+}
+
+/// A capsule is enlarged by 1.2 times the sagitta of the longest edge from half a second after the first step on, also after what
+/// replaces the state in a motion, and not after a reset.
+fn round_colliders_stay_enlarged(backend: Backend) {
+    let mut mesh = Mesh::grid(9, 9, 0.4, 0.4);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.1);
+    let (radius, longest) = (0.1_f32, 0.05 * std::f32::consts::SQRT_2);
+    let enlarged = radius + 1.2 * longest * longest / (8.0 * radius);
+    let attributes = Attributes {
+        colliders: vec![Collider::capsule(-Vec3::X, Vec3::X, radius).with_friction(1.0)],
+        damping: 5.0,
+        ..Attributes::default()
+    };
+    let mut cloth = Deformer::new(&mesh, Options { backend, quality: Quality::Substeps(20), ..Options::default() }).unwrap();
+    let nearest = |cloth: &mut Deformer| {
+        let distances = cloth.positions().unwrap().iter().map(|x| x.y.hypot(x.z));
+        distances.fold(f32::INFINITY, f32::min)
+    };
+    play(&mut cloth, 1, &attributes);
+    assert!((nearest(&mut cloth) - radius) < 0.1 * (enlarged - radius), "it begins at its own radius");
+    play(&mut cloth, 60, &attributes);
+    let is_enlarged = |cloth: &mut Deformer, after: &str| {
+        play(cloth, 1, &attributes);
+        let nearest = nearest(cloth);
+        assert!((nearest - enlarged).abs() < 1e-4, "after {after}: {nearest} m instead of {enlarged} from the axis");
+    };
+    is_enlarged(&mut cloth, "a second");
+    let (x, v) = (cloth.positions().unwrap().to_vec(), cloth.velocities().unwrap().to_vec());
+    cloth.set_state(&x, &v).unwrap();
+    is_enlarged(&mut cloth, "set_state");
+    let snapshot = cloth.snapshot().unwrap();
+    cloth.reset();
+    play(&mut cloth, 1, &attributes);
+    assert!(nearest(&mut cloth) < enlarged - 1e-3, "it begins again at its own radius");
+    cloth.restore(&snapshot).unwrap();
+    is_enlarged(&mut cloth, "restore");
 }
 
 fn a_moving_floor_carries_the_cloth(backend: Backend) {

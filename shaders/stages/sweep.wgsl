@@ -25,7 +25,7 @@ struct FourColors {
     d: StoredEdge,
 }
 
-// Edge number k of a color, if there is room for it. Colors past the last one return unspecified edges, which must not be used.
+// Edge number k of a color, for which there must be room. Colors past the last one return unspecified edges, which must not be used.
 fn fetch(edges: ColoredEdges, color: u32, k: u32) -> StoredEdge {
     let at = edges.start + 3u * edges.width * color + k;
     return StoredEdge(table[at], table[at + edges.width], table[at + 2u * edges.width]);
@@ -57,7 +57,7 @@ fn sweep_color(edges: ColoredEdges, color: u32, first: StoredEdge, lane: u32) {
         return;
     }
     correct_stored(first);
-    // A loop takes time even if it ends at once, and the compiler can drop it if this is known to be false.
+    // A loop takes time even if it ends at once, and the compiler can drop one around which the condition is known to be false.
     if edges.width > LANES {
         for (var k = lane + LANES; k < edges.width; k += LANES) {
             correct_stored(fetch(edges, color, k));

@@ -27,7 +27,7 @@ const LEVELS_PAY: usize = 8192;
 /// The largest coarsest level, in aggregates, that keeps a bound on strain with as many substeps as all coarser levels
 /// would. Sheets and garments of 14,161 to 65,536 vertices took .91 to 1.14 times as many with the finest level alone,
 /// whose aggregates have 16 vertices, as with the three to six levels that resolve the strain
-/// (`benches/results/quality.md`). Each further level takes 8.5 us of a substep on an H200, whatever its size.
+/// (`benches/results/quality.md`). Each further level took 8.5 us of a substep on an H200, whatever its size, when it was swept once.
 const COARSE_ENOUGH: usize = 4096;
 
 /// The stretch that cloth with contact may have under its weight, by the strain law with a factor of 1, to keep a

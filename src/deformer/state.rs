@@ -117,7 +117,7 @@ impl Deformer {
         let cloth = &self.cloth;
         let mut p: Vec<Vec4> = cloth.order.iter().map(|&vertex| velocities[vertex as usize].extend(0.0)).collect();
         cloth.stop_loose(&mut p);
-        self.state.motion = Motion::placed(cloth, x, &p);
+        self.state.motion = Motion { age: self.state.motion.age, ..Motion::placed(cloth, x, &p) };
         self.state.watch = self.state.watch.placed(cloth, x, &p);
         self.state.motion.h = h;
         let unit = self.state.motion.unit();
@@ -286,7 +286,7 @@ impl Deformer {
         }
     }
 
-    /// The next step goes on from what was read, reached by substeps of `h` (s).
+    /// The next step goes on from what was read, reached by substeps of `h` (s). A few steps were lost, but colliders do not shrink.
     fn go_on_after(&mut self, h: f32) {
         let age = self.state.motion.age;
         self.state.motion = Motion { age, ..Motion::after(&self.cloth, &self.local, h) };

@@ -58,12 +58,13 @@ impl Deformer {
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {
-            let Motion { dt, h, ambient, new_pins, pin_velocities, .. } = std::mem::take(&mut self.state.motion);
+            let Motion { dt, h, ambient, new_pins, pin_velocities, age, .. } = std::mem::take(&mut self.state.motion);
             self.set_local(&x, &self.velocities.clone(), h);
             // What moves goes on from where it is now.
             self.flat_start = self.flat_start.take().filter(|_| dt == 0.0 && h == 0.0);
             let motion = &mut self.state.motion;
             (motion.dt, motion.ambient, motion.new_pins, motion.pin_velocities) = (dt, ambient, new_pins, pin_velocities);
+            motion.age = age;
             self.state.motion.colliders.clone_from(&attributes.colliders);
         }
         Ok(Untangled { before, after, farthest })

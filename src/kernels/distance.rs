@@ -12,7 +12,8 @@ pub(crate) struct Edge {
     pub b: u32,
     /// One over the rest length (1/m).
     pub inverse_rest: f32,
-    /// `1 / (w_a + w_b + a')` (kg), where `a'` is the shifted compliance divided by `h²`.
+    /// `1 / (w_a + w_b + a')` (kg), where `a'` is the shifted compliance divided by `h²`; of coarse edges that are swept several times
+    /// [`OVER_RELAXATION`](crate::multigrid::hierarchy::OVER_RELAXATION) times that.
     pub inverse_weight: f32,
 }
 
@@ -80,8 +81,9 @@ pub(crate) fn pull_coarse<L: Lanes>(d0: Vector<L>, du: Vector<L>, inverse_rest: 
 /// pulls, and what other corrections shorten it below the predicted length it undoes, the less the more slack it is, and nothing
 /// where its squared length is below the rest value by the share `1/per_slack` ([`SLACK_BAND`], [`SLACK_BAND_OF_FEW`]).
 ///
-/// A pull takes away `part` of an excess: less than all where the substep resolves the stiffness of the coarse edge. What others shorten
-/// it by in the same substep is no deformation of the cloth, so all of that is undone ([`LEAST_PART`]).
+/// A pull takes away `part` of an excess: less than all where the substep resolves the stiffness of the coarse edge, more than all if it
+/// is over-relaxed, but not of an edge that has turned or stretched far, because slack of that is not undone. What others shorten it by in
+/// the same substep, and what it did too much, is no deformation of the cloth, so all of that is undone ([`LEAST_PART`]).
 ///
 /// In hanging cloth diagonal coarse edges are stretched by the load, and pull the cloth together across it. If no coarse edge across
 /// resisted that, fine edges would. They buckle under the pressure within an aggregate, where coarse edges have no influence, so that a
@@ -107,8 +109,8 @@ pub(crate) fn project_coarse<L: Lanes>(
     // Without a correction the direction is irrelevant, and the path with a root is not needed.
     lengths.at_start = L::or(lengths.at_start, is_slack);
     let mut correction = correct(lengths, L::select(is_slack, push, excess_length(r)), [d0, du], inverse_rest);
-    let scale = L::select(is_slack, zero, correction.scale);
-    correction.scale = L::select(pushes, correction.scale, scale);
+    let scale = L::select(correction.at_start, correction.scale, correction.scale / part.max(one));
+    correction.scale = L::select(pushes, scale, L::select(is_slack, zero, scale));
     correction
 }
 

@@ -33,7 +33,7 @@ pub(crate) struct Motion {
     pub course: Vec3,
     /// Where the cloth is, if its state was set and no step was taken since. After that only statistics tell.
     pub placed: Option<Whereabouts>,
-    /// The time (s) since the state was set, up to [`ENLARGED_AFTER`](crate::step::bodies::ENLARGED_AFTER).
+    /// The time (s) since the first step, or the reset, up to [`ENLARGED_AFTER`](crate::step::bodies::ENLARGED_AFTER).
     pub age: f32,
 }
 

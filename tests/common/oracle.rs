@@ -38,7 +38,8 @@ pub fn pull_coarse(d0: Vec3A, du: Vec3A, inverse_rest: f32, inverse_weight: f32)
 /// The same for a coarse edge whose ends were predicted to move apart by `predicted`.
 pub fn project_coarse(d0: Vec3A, du: Vec3A, predicted: Vec3A, [inverse_rest, inverse_weight, band, w]: [f32; 4]) -> Vec3A {
     if (d0 + du).length() * inverse_rest >= 1.0 {
-        return project_edge(d0, du, inverse_rest, inverse_weight);
+        let over = if guarded(d0, du, inverse_rest).is_some() { 1.0 } else { (inverse_weight * w).max(1.0) };
+        return project_edge(d0, du, inverse_rest, inverse_weight) / over;
     }
     let before = ((d0 + predicted).length() * inverse_rest).min(1.0).powi(2) - 1.0;
     let left = (1.0 + before / band).max(0.0);
