@@ -2,6 +2,7 @@
 
 const CLEARANCE: f32 = 0.05;
 const SEPARATES: f32 = 0.03;
+const BEFORE_KINEMATIC: f32 = 0.6;
 const SLIDING: f32 = 1.6;
 // More than any height [m].
 const FAR: f32 = 3e38;
@@ -14,7 +15,7 @@ struct Plane {
     clearance: f32,
 }
 
-// How far the corners of a pair may move without crossing a plane: the plane where kinematic corners have shifted it, how far [m]
+// How far the corners of a pair may move without crossing a plane: the plane where kinematic corners hold and have shifted it, how far [m]
 // corners are about to move toward it, and the share of its displacement that is left to each; how far the plane moves past a corner, or
 // two kinematic sides into each other.
 struct Held {
@@ -57,11 +58,29 @@ fn gap_of(heights: vec4f, is_edge: bool) -> f32 {
     return least_of(select(vec4f(FAR), heights, is_first)) + least_of(select(heights, vec4f(FAR), is_first));
 }
 
+// The plane that is at most `BEFORE_KINEMATIC` thicknesses from a side all of whose corners are kinematic, if none of the other side's
+// are.
+fn before_kinematic(plane: Plane, is_kinematic: vec4<bool>, thickness: f32, is_edge: bool) -> Plane {
+    let sides = 2.0 * firsts_of(is_edge) - 1.0;
+    let is_first = sides > vec4f();
+    let is_second = sides < vec4f();
+    let most = BEFORE_KINEMATIC * thickness;
+    var toward_first = 0.0;
+    if all(is_kinematic == is_first) {
+        toward_first = max(least_of(select(vec4f(FAR), plane.heights, is_first)) - most, 0.0);
+    } else if all(is_kinematic == is_second) {
+        toward_first = -max(least_of(select(vec4f(FAR), plane.heights, is_second)) - most, 0.0);
+    }
+    return Plane(plane.normal, plane.heights - sides * toward_first, plane.clearance);
+}
+
 // How far corners with displacements `u` may move. Kinematic ones are not shortened. As far as one of them would cross the plane, the
 // plane is shifted; if both sides push, by the difference.
-fn hold(plane: Plane, u: Four, is_kinematic: vec4<bool>, is_edge: bool) -> Held {
+fn hold(halfway: Plane, u: Four, is_kinematic: vec4<bool>, thickness: f32, is_edge: bool) -> Held {
     let firsts = firsts_of(is_edge);
     let sides = 2.0 * firsts - 1.0;
+    let plane = before_kinematic(halfway, is_kinematic, thickness, is_edge);
+    let are_both = any(is_kinematic & (firsts > vec4f())) && any(is_kinematic & (firsts == vec4f()));
     let towards = -sides * along_normal(plane.normal, u);
     let out = select(vec4f(), max(plane.clearance - (plane.heights - towards), vec4f()), is_kinematic);
     let from_first = most_of(out * firsts);
@@ -73,7 +92,8 @@ fn hold(plane: Plane, u: Four, is_kinematic: vec4<bool>, is_edge: bool) -> Held 
         share_above(heights.z, plane.clearance, towards.z),
         share_above(heights.w, plane.clearance, towards.w),
     );
-    let passed_by = max(from_second + from_first - 2.0 * plane.clearance, most_of(select(-heights, vec4f(), is_kinematic)));
+    let both = select(0.0, from_second + from_first - 2.0 * plane.clearance, are_both);
+    let passed_by = max(both, most_of(select(-heights, vec4f(), is_kinematic)));
     let shifted = Plane(plane.normal, heights, plane.clearance);
     return Held(shifted, towards, select(shares, vec4f(1.0), is_kinematic), max(passed_by, 0.0));
 }
@@ -91,7 +111,7 @@ fn least_shortening(plane: Plane, by_plane: Held, at: Four, u: Four, is_kinemati
     var held = by_plane;
     for (var k = 0; k < 2; k++) {
         let other = halfway(normals[k], at, thickness, is_edge);
-        let by = hold(other, u, is_kinematic, is_edge);
+        let by = hold(other, u, is_kinematic, thickness, is_edge);
         let shortens_less = by.passed_by == held.passed_by && least_of(by.shares) > least_of(held.shares);
         if (by.passed_by < held.passed_by || shortens_less) && gap_of(other.heights, is_edge) > least_gap {
             held = by;

@@ -3,6 +3,10 @@
 //! Any plane that separates the sides will do. One across the vector between the closest points always does, but where a vertex is
 //! beside a triangle of a flat surface, or beyond the end of an edge, it is tilted to the surface, and holds back what slides along
 //! it. Therefore other planes are tried where it shortens a displacement: see [`sliding_normals`].
+//!
+//! What falls on a kinematic side from several thicknesses away must get through half of that distance within the substep, to where the
+//! response stops it with friction. A plane halfway would stop it before, without any. So the plane is near such a side:
+//! see [`BEFORE_KINEMATIC`].
 
 use glam::Vec3A;
 
@@ -14,6 +18,9 @@ pub(crate) const CLEARANCE: f32 = 0.05;
 /// The sides of a pair must be at least this share of their distance apart along the normal of a plane that is used instead of the
 /// one across the vector between their closest points.
 pub(crate) const SEPARATES: f32 = 0.03;
+/// The plane of a pair with one kinematic side is at most so many thicknesses from that side. Less than a thickness, so that what falls gets
+/// to where the response acts; above a half, so that planes of pairs that rest about a thickness apart stay where they are.
+pub(crate) const BEFORE_KINEMATIC: f32 = 0.6;
 /// Relaxation factor of [`excess`]. It shortens displacements below 2, and below 1 leaves more of them to be truncated.
 pub(crate) const SLIDING: f32 = 1.6;
 
@@ -31,7 +38,7 @@ pub(crate) struct Plane<L> {
 /// How far the corners of a pair may move without crossing a plane.
 #[derive(Clone, Copy)]
 pub(crate) struct Held<L> {
-    /// The plane where kinematic corners have shifted it.
+    /// The plane where it is [held](Plane::hold) from kinematic corners and they have shifted it.
     pub plane: Plane<L>,
     /// How far (m) corners are about to move toward it, and the share of its displacement that is left to each.
     pub towards: [L; 4],
@@ -59,12 +66,35 @@ impl<L: Lanes> Plane<L> {
         if kind == Kind::EdgeEdge { a.min(b) + c.min(d) } else { a + b.min(c).min(d) }
     }
 
+    /// The plane that is at most [`BEFORE_KINEMATIC`] thicknesses from a side all of whose corners are kinematic, if none of the other
+    /// side's are. Also returns 1 if both sides have kinematic corners, otherwise 0.
+    #[inline(always)]
+    fn before_kinematic(mut self, is_kinematic: [L; 4], thickness: L, kind: Kind) -> (Plane<L>, L) {
+        let zero = L::splat(0.0);
+        let ([a, b, c, d], [h_a, h_b, h_c, h_d]) = (is_kinematic, self.heights);
+        let (any, all, lowest) = match kind {
+            Kind::VertexTriangle => ([a, b.max(c).max(d)], [a, b.min(c).min(d)], [h_a, h_b.min(h_c).min(h_d)]),
+            Kind::EdgeEdge => ([a.max(b), c.max(d)], [a.min(b), c.min(d)], [h_a.min(h_b), h_c.min(h_d)]),
+        };
+        let most = thickness * L::splat(BEFORE_KINEMATIC);
+        let nearer = |side: usize| (lowest[side] - most).max(zero) * (all[side] - any[1 - side]).max(zero);
+        let toward_first = nearer(0) - nearer(1);
+        for (k, height) in self.heights.iter_mut().enumerate() {
+            *height = if k < kind.first_side() { *height - toward_first } else { *height + toward_first };
+        }
+        (self, any[0] * any[1])
+    }
+
     /// How far corners with displacements `u` (m) may move. Those for which `is_kinematic` is 1, not 0, are not shortened. As far as
     /// one of them would cross the plane, the plane is shifted; if both sides push, by the difference.
     #[inline(always)]
-    pub(crate) fn hold(&self, u: [Vector<L>; 4], is_kinematic: [L; 4], kind: Kind) -> Held<L> {
+    pub(crate) fn hold(&self, u: [Vector<L>; 4], is_kinematic: [L; 4], thickness: L, kind: Kind) -> Held<L> {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
-        let mut plane = *self;
+        let (mut plane, mut are_both) = (*self, zero);
+        let [a, b, c, d] = is_kinematic;
+        if L::any(zero.lt((a + b) + (c + d))) {
+            (plane, are_both) = self.before_kinematic(is_kinematic, thickness, kind);
+        }
         let Plane { normal, heights, clearance } = plane;
         let of_first = [true, kind == Kind::EdgeEdge, false, false];
         let (mut towards, mut pushes) = ([zero; 4], [zero; 2]);
@@ -75,7 +105,7 @@ impl<L: Lanes> Plane<L> {
             *push = push.max((clearance - (heights[k] - towards[k])).max(zero) * is_kinematic[k]);
         }
         let shift = pushes[1] - pushes[0];
-        let (mut shares, mut passed_by) = ([one; 4], (pushes[1] + pushes[0] - clearance - clearance).max(zero));
+        let (mut shares, mut passed_by) = ([one; 4], (pushes[1] + pushes[0] - clearance - clearance).max(zero) * are_both);
         for k in 0..4 {
             let height = heights[k] + if of_first[k] { zero - shift } else { shift };
             let is_held = zero.lt(is_kinematic[k]);
@@ -114,7 +144,7 @@ impl<L: Lanes> Plane<L> {
         let least_gap = self.gap(kind) * L::splat(SEPARATES);
         for normal in sliding_normals(self.normal, x, u, kind) {
             let plane = Plane::halfway(normal, x, thickness, kind);
-            let by = plane.hold(u, is_kinematic, kind);
+            let by = plane.hold(u, is_kinematic, thickness, kind);
             let shortens_less = L::and(L::eq(by.passed_by, held.passed_by), held.least_share().lt(by.least_share()));
             let is_better = L::or(by.passed_by.lt(held.passed_by), shortens_less);
             held = Held::select(L::and(is_better, least_gap.lt(plane.gap(kind))), by, held);

@@ -28,7 +28,7 @@ pub(crate) fn in_shaders() -> Vec<(&'static str, Literal)> {
         U32 paths: SAMPLES;
         F32 pinches: COINCIDENT;
         U32 pinches: BISECTIONS;
-        F32 plane: CLEARANCE, SLIDING, SEPARATES;
+        F32 plane: CLEARANCE, SLIDING, SEPARATES, BEFORE_KINEMATIC;
         F32 response: MOST_GROWTH;
         F32 surface: LEAST_HELD;
         F32 tree: MAX_EXCESS;

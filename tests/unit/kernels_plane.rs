@@ -47,7 +47,7 @@ fn the_plane_that_shortens_least_separates_the_sides() {
         let u = [(); 4].map(|()| point(0.04));
         let (plane, distance) = across(x, kind);
         let none = [0.0; 4];
-        let before = plane.hold(lanes(u), none, kind);
+        let before = plane.hold(lanes(u), none, 0.005, kind);
         let held = plane.least_shortening(before, lanes(x), (lanes(u), none), 0.005, kind);
         // Nothing is kinematic, so it is where it was.
         let chosen = held.plane;
@@ -82,7 +82,7 @@ fn what_slides_along_a_flat_surface_is_not_shortened() {
             };
             let (plane, _) = across(x, kind);
             for kinematic in [[0.0; 4], [0.0, if kind == Kind::EdgeEdge { 0.0 } else { 1.0 }, 1.0, 1.0]] {
-                let before = plane.hold(lanes(u), kinematic, kind);
+                let before = plane.hold(lanes(u), kinematic, 0.005, kind);
                 let held = plane.least_shortening(before, lanes(x), (lanes(u), kinematic), 0.005, kind);
                 assert!(held.least_share() == 1.0 && held.passed_by == 0.0, "{turn}, {kind:?}: {}", held.least_share());
                 assert!(turn > 0 || before.least_share() < 0.5, "{}", before.least_share());
@@ -92,9 +92,49 @@ fn what_slides_along_a_flat_surface_is_not_shortened() {
     let level = [DVec3::new(0.03, 0.0, 0.03), DVec3::ZERO, DVec3::X * 0.04, DVec3::Z * 0.04];
     let u = [DVec3::new(-0.05, 0.0, -0.05), DVec3::ZERO, DVec3::ZERO, DVec3::ZERO];
     let (plane, distance) = across(level, Kind::VertexTriangle);
-    let before = plane.hold(lanes(u), [0.0; 4], Kind::VertexTriangle);
+    let before = plane.hold(lanes(u), [0.0; 4], 0.005, Kind::VertexTriangle);
     let held = plane.least_shortening(before, lanes(level), (lanes(u), [0.0; 4]), 0.005, Kind::VertexTriangle);
     assert!(held.shares[0] * 0.05 * 2.0_f32.sqrt() < 0.5 * distance, "{}", held.shares[0]);
+}
+
+/// What falls on a kinematic side from several thicknesses away is let through to less than a thickness, from a thickness or less no
+/// farther than halfway, and never past the side, wherever this moves. Two free or two kinematic sides get the plane halfway.
+#[test]
+fn what_falls_on_a_kinematic_side_gets_there() {
+    let thickness = 0.005_f64;
+    let mut random = fastrand::Rng::with_seed(4);
+    for case in 0..2000 {
+        let kind = Kind::ALL[usize::from(case % 2 == 0)];
+        let distance = thickness * (0.2 + 6.0 * random.f64());
+        let x = match kind {
+            Kind::VertexTriangle => [DVec3::Y * distance, DVec3::new(-0.03, 0.0, -0.02), DVec3::X * 0.04, DVec3::Z * 0.04],
+            Kind::EdgeEdge => [
+                DVec3::new(-0.02, distance, 0.01),
+                DVec3::new(0.03, distance, 0.0),
+                DVec3::new(0.0, 0.0, -0.02),
+                DVec3::new(0.01, 0.0, 0.03),
+            ],
+        };
+        let firsts = if kind == Kind::EdgeEdge { [1.0_f32, 1.0, 0.0, 0.0] } else { [1.0, 0.0, 0.0, 0.0] };
+        let is_first_kinematic = case % 4 < 2;
+        let kinematic = firsts.map(|first| if is_first_kinematic { first } else { 1.0 - first });
+        let by = 0.2 * (random.f64() - 0.7) * distance;
+        // Toward the kinematic side, and of that side.
+        let ways = if is_first_kinematic { [by, 3.0 * distance] } else { [-3.0 * distance, -by] };
+        let u = firsts.map(|first| DVec3::Y * ways[usize::from(first == 0.0)]);
+        let (plane, _) = across(x, kind);
+        let held = plane.hold(lanes(u), kinematic, thickness as f32, kind);
+        assert!(held.passed_by == 0.0);
+        let ends: Vec<f64> = (0..4).map(|k| x[k].y + u[k].y * f64::from(held.shares[k])).collect();
+        let left = ends[0] - ends[3];
+        let clearance = f64::from(held.plane.clearance);
+        let most = (0.5 * distance).min(0.6 * thickness) + clearance + by.abs();
+        assert!(left > clearance && left < most + 1e-6, "{kind:?}: {left} m of {distance}, at most {most}");
+        for same in [0.0, 1.0] {
+            let held = plane.hold(lanes([DVec3::ZERO; 4]), [same; 4], thickness as f32, kind);
+            assert!(held.plane.heights == plane.heights);
+        }
+    }
 }
 
 #[test]

@@ -36,7 +36,7 @@ fn truncate_pair(n: Near) {
     let middle = between(n.weights * firsts, at) - n.normal * (0.5 * n.distance);
     let heights = (2.0 * firsts - 1.0) * along_normal(n.normal, Four(at.a - middle, at.b - middle, at.c - middle, at.d - middle));
     let plane = Plane(n.normal, heights, clearance(n.distance, n.thickness));
-    var held = hold(plane, ways, is_kinematic, is_edge);
+    var held = hold(plane, ways, is_kinematic, contact_params.thickness, is_edge);
     if ROUND == 0u && is_free && stays_between(plane, held.towards, is_edge) {
         return;
     }

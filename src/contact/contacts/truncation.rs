@@ -1,7 +1,8 @@
 //! Guarantees that the two sides of a near pair stay on either side of the plane halfway between them, whatever moves
 //! them.
 //!
-//! Each near pair gets the plane halfway between its closest points, or [another](crate::kernels::plane) that shortens less. A
+//! Each near pair gets the plane halfway between its closest points, or [another](crate::kernels::plane) that shortens less, or one
+//! near a kinematic side, which lets through what falls on it. A
 //! vertex's displacement relative to the common motion is scaled by the largest factor in [0, 1] that keeps the vertex on its side
 //! of the planes of all its pairs. The common motion is rigid, so it need not be scaled. (Lan et al. 2022 truncate along the path;
 //! with one factor per vertex, no order of pairs is needed.)
@@ -169,7 +170,7 @@ impl Loop for Shares<'_> {
             let heights = [number(a, first), number(b, first), number(c, first), number(d, first)];
             let (normal, clearance) = (vector::<L>(&block.normal, first), number::<L>(&block.clearance, first));
             let plane = Plane { normal, heights, clearance };
-            let mut held = plane.hold(relative, is_kinematic, kind);
+            let mut held = plane.hold(relative, is_kinematic, thickness, kind);
             let kinematic_corners = (is_kinematic[0] + is_kinematic[1]) + (is_kinematic[2] + is_kinematic[3]);
             if is_first {
                 let is_free = L::eq(kinematic_corners, zero);
