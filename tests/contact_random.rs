@@ -289,8 +289,9 @@ fn what_turns_takes_along_what_touches_it_on_the_gpu() {
 
 /// Bodies that move through the floor, with cloth between them, which crossed before cloth went along with what runs over it. Where
 /// the number of substeps jumps while the body presses, as the bound on strain of the first scene makes it (from 16 to 215), cloth
-/// may be pinched; then it is reported. Of 200 bounds from 1.5 to 5.5 % this happened with 49, before the last iteration of contact was no
-/// longer over-relaxed. It may also happen with few substeps: of 80 scenes with 5 to 44, in two, but not the same two since contact was changed.
+/// may be pinched; then it is reported. Of 200 bounds from 1.5 to 5.5 % this happened with 49, before the last iteration of contact was
+/// no longer over-relaxed. It may also happen with few substeps: of 80 scenes with 5 to 44, in two, but not the same two since contact
+/// was changed.
 #[test]
 fn what_a_body_presses_on_the_floor_goes_along() {
     let end = |seed, substeps| {

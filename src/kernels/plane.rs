@@ -18,8 +18,8 @@ pub(crate) const CLEARANCE: f32 = 0.05;
 /// The sides of a pair must be at least this share of their distance apart along the normal of a plane that is used instead of the
 /// one across the vector between their closest points.
 pub(crate) const SEPARATES: f32 = 0.03;
-/// The plane of a pair with one kinematic side is at most so many thicknesses from that side. Less than a thickness, so that what falls gets
-/// to where the response acts; above a half, so that planes of pairs that rest about a thickness apart stay where they are.
+/// The plane of a pair with one kinematic side is at most so many thicknesses from that side. Less than a thickness, so that what falls
+/// gets to where the response acts; above a half, so that planes of pairs that rest about a thickness apart stay where they are.
 pub(crate) const BEFORE_KINEMATIC: f32 = 0.6;
 /// Relaxation factor of [`excess`]. It shortens displacements below 2, and below 1 leaves more of them to be truncated.
 pub(crate) const SLIDING: f32 = 1.6;

@@ -192,10 +192,10 @@ pub enum Tethers {
 ///
 /// What lands on cloth or a mesh collider rebounds by at most about 1 % of its velocity, and flat cloth slides over either as its friction
 /// says, to 1 %, as long as it slides by at most 1.5 times the thickness in a substep. [`Quality::Substeps`] can see to that, for a
-/// thickness of 5 mm with one substep in 1/60 s for each .45 m/s of the slide; other qualities do not look at it. How fast it approaches does
-/// not matter: up to 12 times the thickness in a substep were measured for pinned cloth and mesh colliders, 3 times for free cloth of a
-/// hundred times its weight. A slide by twice the thickness may be held back by 1.3 times its friction and by three times the thickness by
-/// 2.7 times, most of all by pinned cloth that it approaches slowly, and then it rebounds.
+/// thickness of 5 mm with one substep in 1/60 s for each .45 m/s of the slide; other qualities do not look at it. How fast it approaches
+/// does not matter: up to 12 times the thickness in a substep were measured for pinned cloth and mesh colliders, 3 times for free cloth of
+/// a hundred times its weight. A slide by twice the thickness may be held back by 1.3 times its friction, and by three times the thickness
+/// by 2.7 times, most of all by pinned cloth that it approaches slowly, and then it rebounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Distance (m) at which cloth is held from itself and from mesh colliders, above 0. Where two parts of the same
