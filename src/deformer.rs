@@ -43,7 +43,6 @@ use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Hierarchy;
 use crate::options::{Backend, Options, Quality, StepReport};
-use crate::step::bodies::ENLARGED_AFTER;
 use crate::step::coefficients::Coefficients;
 use crate::step::controller::Controller;
 use crate::step::motion::{Ambient, Motion};
@@ -301,7 +300,6 @@ impl Deformer {
         self.state.watch = self.state.watch.with_step(attributes, f64::from(dt), &fastest);
         let motion = &mut self.state.motion;
         (motion.dt, motion.h, motion.placed) = (dt, length.h, None);
-        motion.age = (motion.age + dt).min(ENLARGED_AFTER);
         motion.ambient = Some(Ambient::of(attributes)).filter(Ambient::is_finite);
         motion.new_pins.clear();
         motion.colliders.clone_from(&attributes.colliders);

@@ -99,7 +99,7 @@ fn scenes() -> Vec<Scene> {
             collide(Collider::capsule(Vec3::new(-0.3, -0.1, 0.2), Vec3::new(0.3, -0.12, -0.1), 0.1));
         }
         if is("tapered") {
-            collide(Collider::tapered_capsule(Vec3::new(-0.3, -0.092, -0.2), 0.04, Vec3::new(0.3, -0.112, -0.1), 0.11));
+            collide(Collider::tapered_capsule(Vec3::new(-0.3, -0.1, -0.2), 0.04, Vec3::new(0.3, -0.12, -0.1), 0.11));
         }
         if is("box") {
             let turn = Quat::from_euler(EulerRot::YXZ, 0.4, 0.2, -0.1);

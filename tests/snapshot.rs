@@ -238,7 +238,7 @@ fn altered_and_cut_bytes_are_refused() {
         let refusal = Snapshot::from_bytes(&altered).unwrap_err();
         let expected = match place {
             0..8 => matches!(refusal, StateError::Foreign),
-            8..12 => matches!(refusal, StateError::Version { known: 17, .. }),
+            8..12 => matches!(refusal, StateError::Version { known: 16, .. }),
             _ => refusal == StateError::Altered,
         };
         assert!(expected, "byte {place}: {refusal:?}");

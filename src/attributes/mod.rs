@@ -46,8 +46,8 @@ pub struct Attributes {
     ///
     /// Round colliders, including boxes with rounded edges, are enlarged by 1.2 times the sagitta `l²/8R`, where `l` is
     /// the longest edge of the cloth, so that edges stay outside and not only vertices. Edges longer than R count as R.
-    /// They grow to that in the first half second, and after [`Deformer::reset`](crate::Deformer::reset), so that cloth may start on the
-    /// surface that they were given.
+    /// Cloth that starts around one, within that distance, is stretched around the larger surface at once, and may be thrown off by
+    /// that: start outside.
     pub colliders: Vec<Collider>,
     /// Positions of the pinned vertices at the end of this step (m), in the order of
     /// [`Options::pinned`](crate::Options::pinned). The pins move there at constant velocity. `None`: they do not move.

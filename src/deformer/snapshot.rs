@@ -15,7 +15,7 @@ use crate::step::motion::Ambient;
 
 /// The first bytes of a snapshot, and the version of the format.
 const NAME: [u8; 8] = *b"CLOTHRUN";
-const VERSION: u32 = 17;
+const VERSION: u32 = 16;
 /// Sizes (bytes) of name and version together, and of the hash at the end.
 const HEAD: usize = NAME.len() + size_of::<u32>();
 const END: usize = size_of::<u64>();
@@ -184,7 +184,6 @@ impl Deformer {
             && x.iter().chain(p).all(|v| is_bounded(*v))
             && motion.h >= 0.0
             && motion.dt >= 0.0
-            && motion.age >= 0.0
             && motion.course.is_finite()
             && motion.ambient.as_ref().is_none_or(Ambient::is_finite)
             && motion.pins.len() == pins

@@ -117,7 +117,7 @@ impl Deformer {
         let cloth = &self.cloth;
         let mut p: Vec<Vec4> = cloth.order.iter().map(|&vertex| velocities[vertex as usize].extend(0.0)).collect();
         cloth.stop_loose(&mut p);
-        self.state.motion = Motion { age: self.state.motion.age, ..Motion::placed(cloth, x, &p) };
+        self.state.motion = Motion::placed(cloth, x, &p);
         self.state.watch = self.state.watch.placed(cloth, x, &p);
         self.state.motion.h = h;
         let unit = self.state.motion.unit();
@@ -272,7 +272,7 @@ impl Deformer {
         let (last_h, read) = self.read_engine();
         if let Err(failure) = read {
             // The GPU has returned to its last good state, and the next step starts from there.
-            last_h.into_iter().for_each(|h| self.go_on_after(h));
+            self.state.motion = last_h.map_or_else(|| self.state.motion.clone(), |h| Motion::after(&self.cloth, &self.local, h));
             return Err(self.failed(failure));
         }
         self.is_current = true;
@@ -282,14 +282,8 @@ impl Deformer {
     /// After a step that has found out that an earlier one failed: the GPU has returned to the state before that.
     pub(super) fn start_from_engine_state(&mut self) {
         if let (Some(h), _) = self.read_engine() {
-            self.go_on_after(h);
+            self.state.motion = Motion::after(&self.cloth, &self.local, h);
         }
-    }
-
-    /// The next step goes on from what was read, reached by substeps of `h` (s). A few steps were lost, but colliders do not shrink.
-    fn go_on_after(&mut self, h: f32) {
-        let age = self.state.motion.age;
-        self.state.motion = Motion { age, ..Motion::after(&self.cloth, &self.local, h) };
     }
 
     /// Reads the state, and the duration (s) of the substep that led to it, if it can be read.

@@ -48,7 +48,7 @@ impl Deformer {
         let positions = |mesh: &Mesh| mesh.positions.iter().map(|&x| x - origin).collect();
         let bodies: Vec<Mesh> =
             meshes.map(|mesh| Mesh { positions: positions(mesh), triangles: mesh.triangles.clone() }).collect();
-        let at_rest = |collider: &Collider| moving(collider, collider, &self.cloth, [1.0; 2]);
+        let at_rest = |collider: &Collider| moving(collider, collider, &self.cloth);
         let analytic = attributes.colliders.iter().filter(|collider| collider.shape.mesh().is_none());
         let analytic: Vec<Body> = analytic.map(at_rest).collect();
         let mut x: Vec<Vec4> = self.local.clone();
@@ -58,13 +58,12 @@ impl Deformer {
         let moved = x.iter().zip(&self.local).map(|(to, from)| to.truncate().distance(from.truncate()));
         let farthest = moved.fold(0.0, f32::max);
         if farthest > 0.0 {
-            let Motion { dt, h, ambient, new_pins, pin_velocities, age, .. } = std::mem::take(&mut self.state.motion);
+            let Motion { dt, h, ambient, new_pins, pin_velocities, .. } = std::mem::take(&mut self.state.motion);
             self.set_local(&x, &self.velocities.clone(), h);
             // What moves goes on from where it is now.
             self.flat_start = self.flat_start.take().filter(|_| dt == 0.0 && h == 0.0);
             let motion = &mut self.state.motion;
             (motion.dt, motion.ambient, motion.new_pins, motion.pin_velocities) = (dt, ambient, new_pins, pin_velocities);
-            motion.age = age;
             self.state.motion.colliders.clone_from(&attributes.colliders);
         }
         Ok(Untangled { before, after, farthest })

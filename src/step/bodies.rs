@@ -11,14 +11,10 @@ use crate::model::cloth::Cloth;
 /// A plane whose normal turns by an angle with a smaller cosine in a step has its last normal at once.
 const LEAST_TURN_COSINE: f64 = 0.5;
 
-/// The time (s) after a start in which round colliders get their enlarged surface. Cloth that was laid on their own would
-/// otherwise be stretched around the larger one in the first substep, and be thrown off.
-pub(crate) const ENLARGED_AFTER: f32 = 0.5;
-
 /// A collider as the kernels take it, in local coordinates, moving from `last` to `now` during the step. Round surfaces
 /// are enlarged by 1.2 times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between
-/// its ends: by these shares of that at the start and the end of the step.
-pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth, enlarged: [f32; 2]) -> Body {
+/// its ends.
+pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
     let &Cloth { origin, longest_edge, mean_edge, .. } = cloth;
     let [shape, last] = [now, last].map(|collider| collider.relative_to(origin).shape);
     // If the kind of shape changed, there is no motion to interpolate.
@@ -26,8 +22,7 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth, enlarged: [
     // A sharp edge (radius 0) is not enlarged.
     let sagitta = |radius: f32| if radius > 0.0 { 1.2 * longest_edge.min(radius).powi(2) / (8.0 * radius) } else { 0.0 };
     if let (Some(from), Some(to)) = (last.ends(), shape.ends()) {
-        let radii = |ends: [(Vec3, f32); 2], share: f32| ends.map(|(_, radius)| radius + share * sagitta(radius));
-        let [from_radii, to_radii] = [radii(from, enlarged[0]), radii(to, enlarged[1])];
+        let [from_radii, to_radii] = [from, to].map(|ends| ends.map(|(_, radius)| radius + sagitta(radius)));
         let [from_taper, to_taper] = [from_radii, to_radii].map(|[a, b]| b - a);
         return Body {
             a: from[0].0.to_array(),
@@ -66,7 +61,7 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth, enlarged: [
             // Each rotation has two quaternions; interpolate to the nearer one.
             let to = if first.dot(to) < 0.0 { -to } else { to };
             let (core0, core) = (half0 - radius0, half - radius);
-            let [edge0, edge] = [radius0 + enlarged[0] * sagitta(radius0), radius + enlarged[1] * sagitta(radius)];
+            let [edge0, edge] = [radius0, radius].map(|radius| radius + sagitta(radius));
             Body {
                 a: from.to_array(),
                 radius: edge0,

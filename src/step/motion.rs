@@ -33,11 +33,9 @@ pub(crate) struct Motion {
     pub course: Vec3,
     /// Where the cloth is, if its state was set and no step was taken since. After that only statistics tell.
     pub placed: Option<Whereabouts>,
-    /// The time (s) since the first step, or the reset, up to [`ENLARGED_AFTER`](crate::step::bodies::ENLARGED_AFTER).
-    pub age: f32,
 }
 
-recorded!(Motion { dt, h, ambient, colliders, pins, new_pins, pin_velocities, course, placed, age });
+recorded!(Motion { dt, h, ambient, colliders, pins, new_pins, pin_velocities, course, placed });
 
 /// What acts on all of the cloth alike: gravity, and linear drag toward the wind.
 #[derive(Debug, Clone, Copy, Default)]

@@ -15,7 +15,7 @@ use crate::model::cloth::Cloth;
 use crate::model::mesh::Mesh;
 use crate::multigrid::hierarchy::Level;
 use crate::options::{Contact, Method, Options};
-use crate::step::bodies::{ENLARGED_AFTER, moving};
+use crate::step::bodies::moving;
 use crate::step::coefficients::Coefficients;
 use crate::step::levels::coarse_rule;
 use crate::step::load::loading_acceleration;
@@ -175,13 +175,11 @@ impl PlanBuffers {
     fn set_colliders(&mut self, inputs: &StepInputs<'_>) {
         self.bodies.clear();
         self.meshes.clear();
-        let (age, dt) = (inputs.motion.age, inputs.substeps as f32 * inputs.coefficients.length.h);
-        let enlarged = [age, age + dt].map(|age| (age / ENLARGED_AFTER).min(1.0));
         for (now, last) in inputs.motion.followed(&inputs.attributes.colliders) {
             if let (Some(to), Some(from)) = (now.shape.mesh(), last.shape.mesh()) {
                 self.meshes.push(MeshBody { from: Arc::clone(from), to: Arc::clone(to), friction: now.friction });
             } else {
-                self.bodies.push(moving(now, last, inputs.cloth, enlarged));
+                self.bodies.push(moving(now, last, inputs.cloth));
             }
         }
         self.clear_in_step.clear();
