@@ -216,7 +216,7 @@ impl GpuEngine {
         for together in jobs.chunk_by_mut(|(_, a, _), (_, b, _)| a.gpu.id() == b.gpu.id()) {
             let (gpu, crowd) = (together[0].1.gpu.clone(), together.len() >= CROWD);
             let submitted = gpu.checked(|| {
-                let mut submission = Submission::new(&gpu);
+                let mut submission = if crowd { Submission::of_crowd(&gpu) } else { Submission::new(&gpu) };
                 for (_, engine, plan) in together.iter_mut() {
                     engine.prepare(plan, crowd);
                     // A failure of one cloth fails this step for all of them. The others can be stepped again.
@@ -224,6 +224,10 @@ impl GpuEngine {
                 }
                 for (_, engine, plan) in together.iter_mut() {
                     engine.dispatches = engine.encode(&mut submission, plan);
+                }
+                // After all steps: statistics wait for their step, and whatever is encoded later waits with them.
+                for (_, engine, _) in together.iter_mut() {
+                    engine.dispatches += engine.encode_statistics(&mut submission);
                 }
                 let submission = submission.submit_with(|encoder| {
                     together.iter_mut().for_each(|(_, engine, _)| engine.report.copy_if_due(encoder, &engine.commit.found));

@@ -31,6 +31,11 @@ impl<'a> Submission<'a> {
         Submission::after(gpu, |_| ())
     }
 
+    /// For cloths of which none waits for another. A second submission would wait for the first, so there is one.
+    pub(crate) fn of_crowd(gpu: &'a Gpu) -> Submission<'a> {
+        Submission { most: [LONGEST; 2], ..Submission::new(gpu) }
+    }
+
     /// With copies before the dispatches.
     fn after(gpu: &'a Gpu, copies: impl FnOnce(&mut wgpu::CommandEncoder)) -> Submission<'a> {
         let mut encoder = gpu.encoder();

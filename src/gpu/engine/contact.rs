@@ -190,6 +190,7 @@ impl GpuEngine {
         // The device waits for the commit, so it is encoded before the judgment.
         let mut commit = Submission::new(gpu);
         self.encode_commit(&mut commit, swept);
+        self.encode_statistics(&mut commit);
         self.dispatches += commit.dispatches();
         let commit = commit.finish_with(|encoder| self.report.copy_if_due(encoder, &self.commit.found));
         let end = || {

@@ -6,7 +6,6 @@ use crate::device::IN_BROWSER;
 use crate::gpu::contact::GpuContact;
 use crate::gpu::multigrid::Multigrid;
 use crate::gpu::state::{PING_PONG, ping_pong};
-use crate::gpu::statistics::Counter;
 use crate::gpu::submission::Submission;
 use crate::step::plan::Plan;
 
@@ -18,7 +17,6 @@ impl GpuEngine {
             let pass = submission.group();
             self.forces.bind_substep(pass, 0);
             single.encode(pass);
-            self.counter().into_iter().for_each(|counter| counter.encode(pass));
         } else {
             self.encode_substeps(submission, plan, None);
             self.encode_commit(submission, plan);
@@ -69,7 +67,17 @@ impl GpuEngine {
         let pass = submission.pass();
         self.forces.bind_substep(pass, last);
         self.commit.encode(pass, PING_PONG[ping_pong(last)][1], plan.cloth, self.is_checked(plan));
-        self.counter().into_iter().for_each(|counter| counter.encode(pass));
+    }
+
+    /// Encodes the statistics of the step, if they are wanted. Returns the number of their dispatches.
+    pub(super) fn encode_statistics(&self, submission: &mut Submission<'_>) -> usize {
+        let before = submission.dispatches();
+        if let Some(counter) = self.counter.as_ref().filter(|_| self.counts) {
+            let pass = submission.pass();
+            self.forces.bind_substep(pass, 0);
+            counter.encode(pass);
+        }
+        submission.dispatches() - before
     }
 
     /// The levels, if the step uses any.
@@ -80,10 +88,5 @@ impl GpuEngine {
     /// Whether the last substep checks the step's result.
     pub(super) fn is_checked(&self, plan: &Plan<'_>) -> bool {
         plan.params.checks != 0 && matches!(self.sweep, EdgeSweep::Tiled(_))
-    }
-
-    /// The statistics' kernels, if the step's are wanted.
-    pub(super) fn counter(&self) -> Option<&Counter> {
-        self.counter.as_ref().filter(|_| self.counts)
     }
 }
