@@ -54,8 +54,8 @@ pub(crate) const BOX: u32 = 2;
 /// Speed (m/s) at which a vertex that began a substep inside a body is pushed out.
 pub(crate) const DEPENETRATION: f32 = 1.0;
 /// The same within the margin by which a surface is enlarged, where cloth starts that was laid on the surface without it. The cloth around
-/// it is stretched until it has slid there, at up to `pi` times this speed over a limb, and must be stopped by friction: .4 does so within
-/// 3 mm, after 1 m/s within 1 m.
+/// it is stretched until it has slid there, at up to `pi` times this speed over a limb, and friction must stop it: a strip that it holds
+/// (`a_strip_hung_over_a_limb_is_held_by_friction`) slid by the 20 mm that it needs up to .1 m/s, by 40 at .2, and off at .4.
 pub(crate) const EMERGENCE: f32 = 0.05;
 /// A vertex that begins a substep deeper (m) inside a body than this, which exceeds rounding errors, may be squeezed between it and
 /// another.
