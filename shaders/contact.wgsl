@@ -12,12 +12,14 @@ struct Body {
     c: vec4f,
     c_travel: vec4f,
     slick: f32,
-    padding: array<f32, 3>,
+    margin: f32,
+    padding: array<f32, 2>,
 }
 
 const PLANE: u32 = 0u;
 const BOX: u32 = 2u;
 const DEPENETRATION: f32 = 1.0;
+const EMERGENCE: f32 = 0.05;
 const INSIDE: f32 = 1e-5;
 const SWEPT: f32 = 0.25;
 const SWEEP_STEPS: u32 = 24u;
@@ -117,7 +119,7 @@ fn path_of(x: vec3f, u: vec3f) -> Path {
     return Path(x, u, x, vec3f(), 0.0);
 }
 
-fn respond(path: Path, contact: ContactPoint, friction: f32) -> Path {
+fn respond(path: Path, contact: ContactPoint, body: Body) -> Path {
     let n = contact.n;
     // Not of a gap that is not a number, either.
     if !(contact.after < 0.0) {
@@ -129,12 +131,13 @@ fn respond(path: Path, contact: ContactPoint, friction: f32) -> Path {
     let pushed = path.u + n * push;
     let relative = pushed - contact.step;
     let slip = relative - n * dot(n, relative);
-    let grip = friction * contact.grip;
+    let grip = body.friction * contact.grip;
     let share = grip * push / max(length(slip), 1e-30);
-    let freed = min(old, DEPENETRATION * params.h);
+    let below = min(old - body.margin, DEPENETRATION * params.h);
+    let freed = min(old, max(below, EMERGENCE * params.h));
     let out = path.x + n * freed;
     var after = Path(out, pushed - slip * min(share, 1.0), path.start, path.holder_step, path.grasp);
-    if freed > INSIDE {
+    if old > INSIDE {
         if grip > path.grasp {
             after.holder_step = contact.step;
             after.grasp = grip;
@@ -143,7 +146,8 @@ fn respond(path: Path, contact: ContactPoint, friction: f32) -> Path {
         }
         let moved = path.x - path.start;
         let slid = moved - n * dot(n, moved);
-        if dot(n, moved) < -INSIDE && length(slid) < after.grasp * freed {
+        let least = min(INSIDE, 0.5 * EMERGENCE * params.h);
+        if dot(n, moved) < -least && length(slid) < after.grasp * freed {
             let sticks = after.holder_step - pushed;
             after.x = out - slid;
             after.u = pushed + sticks - n * dot(n, sticks);
@@ -344,5 +348,5 @@ fn contact_body(path: Path, body: Body, substep: Substep) -> Path {
     } else {
         contact = contact_round(path.x, path.u, body, substep);
     }
-    return respond(path, contact, body.friction);
+    return respond(path, contact, body);
 }

@@ -3,6 +3,7 @@
 #[macro_use]
 mod common;
 
+use std::f32::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 use cloth_deformer::glam::{EulerRot, Quat, Vec3};
@@ -33,6 +34,9 @@ on_every_backend!(
     a_step_of_no_time_does_nothing,
     nothing_tunnels,
     a_start_inside_is_freed_without_a_kick,
+    a_strip_laid_over_a_round_edge_is_held_by_friction,
+    a_strip_hung_over_a_limb_is_held_by_friction,
+    cloth_rises_slowly_to_an_enlarged_surface,
     a_moving_floor_carries_the_cloth,
     a_growing_sphere_pushes,
     a_set_state_forgets_where_colliders_were,
@@ -420,6 +424,9 @@ fn what_two_bodies_squeeze_does_not_fall(backend: Backend) {
         let apart = fallen(plates(-0.02), 0.3, 20);
         assert!((apart / freely - 1.0).abs() < 0.02, "{name} that are apart: fell by {apart} m");
     }
+    // In substeps so short that nothing rises by what counts as inside.
+    let held = fallen([1.0, -1.0].map(|side| slab(side, 1.5e-3)), 0.3, 200);
+    assert!(held.abs() < 1e-4, "boxes of which only the enlarged surfaces overlap: fell by {held} m");
 }
 
 /// A ball with a friction of 1 that presses a sheet on a table with less takes it along, whichever comes first in the list.
@@ -576,6 +583,115 @@ fn a_start_inside_is_freed_without_a_kick(backend: Backend) {
     assert!(deformer.measure().unwrap().penetration <= 1e-6, "freed after 0.7 s");
     // Pushed out at once, it would leave at 0.1 m per substep, which is 120 m/s: 58 J.
     assert!(most <= 0.5 * 0.2 * 0.04 * 4.0, "kinetic energy {most} J: no more than at 2 m/s");
+}
+
+const STRIP: f32 = 1.0;
+const BEND: f32 = 0.05;
+const GRIP: f32 = 0.4;
+const ABOVE: f32 = 5e-4;
+
+/// A strip that is laid over a round surface, along which it touches from an angle on (from the top) to where it hangs down. Before that it
+/// lies on a table, or hangs down on the other side.
+struct Laid {
+    on: Collider,
+    from: f32,
+}
+
+impl Laid {
+    /// Length (m) that hangs down where friction just holds the strip. Along the angle `a` its tension grows by
+    /// `dT = (mu (T + w R cos a) - w R sin a) da`: the capstan equation with a weight `w` per length.
+    fn critical(&self) -> f32 {
+        let (steps, turn) = (2000, FRAC_PI_2 - self.from);
+        let held = |before: f32| {
+            // What hangs pulls with its weight, and what lies with its friction.
+            let pull = if self.from < 0.0 { before } else { GRIP * before };
+            let angles = (0..steps).map(|k| self.from + (k as f32 + 0.5) * turn / steps as f32);
+            angles.fold(pull, |pull, a| pull + (GRIP * (pull + BEND * a.cos()) - BEND * a.sin()) * turn / steps as f32)
+        };
+        let mut hanging = [0.0, STRIP - turn * BEND];
+        for _ in 0..30 {
+            let middle = 0.5 * (hanging[0] + hanging[1]);
+            hanging[usize::from(middle > held(STRIP - turn * BEND - middle))] = middle;
+        }
+        hanging[0]
+    }
+
+    /// How far (m) one end moves in 4 s if so much (m) hangs down at the other. It starts half a millimeter above the surface that the
+    /// collider is given.
+    fn slides(&self, hanging: f32, backend: Backend, quality: Quality) -> f32 {
+        let (from, turn) = (self.from, FRAC_PI_2 - self.from);
+        let mut mesh = Mesh::grid(4, 31, 0.1, STRIP);
+        mesh.positions.iter_mut().for_each(|x| {
+            let along = x.z - 0.5 * STRIP + hanging + turn * BEND;
+            let (angle, above) = (from + (along / BEND).clamp(0.0, turn), BEND + ABOVE);
+            let before = along.min(0.0) * Vec3::new(from.cos(), -from.sin(), 0.0);
+            *x = before + Vec3::new(above * angle.sin(), above * angle.cos() - (along - turn * BEND).max(0.0), x.x);
+        });
+        let attributes = Attributes { colliders: vec![self.on.clone().with_friction(GRIP)], ..Attributes::default() };
+        let mut strip = Deformer::new(&mesh, Options { backend, quality, ..Options::default() }).unwrap();
+        play(&mut strip, 240, &attributes);
+        strip.positions().unwrap()[0].distance(mesh.positions[0])
+    }
+
+    /// With less hanging down than that it slides by little more than it needs to lie around the enlarged surface, and with more it slides
+    /// off. Shares are of what friction adds to the length that is `even` (m) without.
+    fn check(&self, even: f32, more: f32, backend: Backend) {
+        let longest = STRIP / 30.0 * std::f32::consts::SQRT_2;
+        let needed = (FRAC_PI_2 - self.from) * (1.2 * longest * longest / (8.0 * BEND) - ABOVE);
+        for quality in [Quality::default(), Quality::Substeps(20)] {
+            for (share, holds) in [(0.7, true), (more, false)] {
+                let slid = self.slides(even + share * (self.critical() - even), backend, quality);
+                println!("{quality:?}, {share} of what is held: slid by {slid} m");
+                let stays = if holds { slid < 1.2 * needed } else { slid > 0.1 };
+                assert!(stays, "{quality:?}, {share} of what is held: slid by {slid} m, and needs {needed} m");
+            }
+        }
+    }
+}
+
+/// A strip is laid on a table and over its round edge. Where it was pushed out to the enlarged surface at once, it was stretched by a tenth
+/// and shot off, by 20 mm and more.
+fn a_strip_laid_over_a_round_edge_is_held_by_friction(backend: Backend) {
+    let center = Vec3::new(BEND - 2.0, BEND - 1.0, 0.0);
+    let table = Collider::rounded_box(center, Vec3::new(2.0, 1.0, 1.0), Quat::IDENTITY, BEND);
+    Laid { on: table, from: 0.0 }.check(0.0, 1.3, backend);
+}
+
+/// A strip hangs over a limb, with more of it on one side, which the other side and friction hold. It was shot off altogether. It has
+/// four edges around the limb, whose corners may hold 1.3 times as much as the formula says.
+fn a_strip_hung_over_a_limb_is_held_by_friction(backend: Backend) {
+    let limb = Collider::capsule(-Vec3::Z, Vec3::Z, BEND);
+    Laid { on: limb, from: -FRAC_PI_2 }.check(0.5 * (STRIP - PI * BEND), 1.5, backend);
+}
+
+/// A capsule is enlarged by 1.2 times the sagitta of the longest edge. Cloth that starts on its own surface rises to that slowly, also
+/// after a reset, and stays there.
+fn cloth_rises_slowly_to_an_enlarged_surface(backend: Backend) {
+    let mut mesh = Mesh::grid(9, 9, 0.4, 0.4);
+    mesh.positions.iter_mut().for_each(|x| x.y += 0.1);
+    let (radius, longest) = (0.1_f32, 0.05 * std::f32::consts::SQRT_2);
+    let enlarged = radius + 1.2 * longest * longest / (8.0 * radius);
+    let attributes = Attributes {
+        colliders: vec![Collider::capsule(-Vec3::X, Vec3::X, radius).with_friction(1.0)],
+        damping: 5.0,
+        ..Attributes::default()
+    };
+    let mut cloth = Deformer::new(&mesh, Options { backend, quality: Quality::Substeps(20), ..Options::default() }).unwrap();
+    let nearest_after = |cloth: &mut Deformer, frames: u32| {
+        play(cloth, frames, &attributes);
+        cloth.positions().unwrap().iter().map(|x| x.y.hypot(x.z)).fold(f32::INFINITY, f32::min)
+    };
+    for start in ["new", "reset"] {
+        let nearest = nearest_after(&mut cloth, 1);
+        assert!((nearest - radius) < 0.2 * (enlarged - radius), "{start}: rose to {nearest} m in a frame");
+        let nearest = nearest_after(&mut cloth, 30);
+        assert!((nearest - enlarged).abs() < 1e-4, "{start}: {nearest} m instead of {enlarged} from the axis");
+        let (x, v) = (cloth.positions().unwrap().to_vec(), cloth.velocities().unwrap().to_vec());
+        cloth.set_state(&x, &v).unwrap();
+        let nearest = nearest_after(&mut cloth, 1);
+        assert!((nearest - enlarged).abs() < 1e-4, "{start}: {nearest} m instead of {enlarged} from the axis in another frame");
+        cloth.reset();
+    }
 }
 
 fn a_moving_floor_carries_the_cloth(backend: Backend) {

@@ -46,8 +46,8 @@ pub struct Attributes {
     ///
     /// Round colliders, including boxes with rounded edges, are enlarged by 1.2 times the sagitta `l²/8R`, where `l` is
     /// the longest edge of the cloth, so that edges stay outside and not only vertices. Edges longer than R count as R.
-    /// Cloth that starts around one, within that distance, is stretched around the larger surface at once, and may be thrown off by
-    /// that: start outside.
+    /// Cloth that starts within that distance rises to the larger surface at 5 cm/s, which adds no velocity, and slides by what it needs
+    /// to lie around it.
     pub colliders: Vec<Collider>,
     /// Positions of the pinned vertices at the end of this step (m), in the order of
     /// [`Options::pinned`](crate::Options::pinned). The pins move there at constant velocity. `None`: they do not move.

@@ -41,7 +41,9 @@ pub(crate) struct Body {
     pub c_travel: [f32; 4],
     /// Box: width (m) of the strip along a sharp edge in which friction fades toward the edge (`rounded_box::grip`).
     pub slick: f32,
-    pub padding: [f32; 3],
+    /// By how much (m) the surface is enlarged.
+    pub margin: f32,
+    pub padding: [f32; 2],
 }
 
 /// Values of [`Body::kind`].
@@ -51,6 +53,10 @@ pub(crate) const BOX: u32 = 2;
 
 /// Speed (m/s) at which a vertex that began a substep inside a body is pushed out.
 pub(crate) const DEPENETRATION: f32 = 1.0;
+/// The same within the margin by which a surface is enlarged, where cloth starts that was laid on the surface without it. The cloth around
+/// it is stretched until it has slid there, at up to `pi` times this speed over a limb, and friction must stop it: a strip that it holds
+/// (`a_strip_hung_over_a_limb_is_held_by_friction`) slid by the 20 mm that it needs up to .1 m/s, by 40 at .2, and off at .4.
+pub(crate) const EMERGENCE: f32 = 0.05;
 /// A vertex that begins a substep deeper (m) inside a body than this, which exceeds rounding errors, may be squeezed between it and
 /// another.
 pub(crate) const INSIDE: f32 = 1e-5;
@@ -131,7 +137,7 @@ pub(crate) fn contact_body<L: Lanes>(path: Path<L>, body: &Body, substep: &Subst
         BOX => contact_box(x, u, body, substep, params),
         _ => contact_round(x, u, body, substep, params),
     };
-    respond(path, contact, body.friction, params.h)
+    respond(path, contact, body, params.h)
 }
 
 /// A vertex and a body in a substep.
@@ -150,7 +156,7 @@ struct ContactPoint<L> {
 
 /// Pushes vertices out along the normal, and applies friction. Returns their path afterwards.
 #[inline(always)]
-fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, friction: f32, h: f32) -> Path<L> {
+fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, body: &Body, h: f32) -> Path<L> {
     let (Path { x, u, start, .. }, ContactPoint { n, before, after, step, grip }) = (path, contact);
     let zero = L::splat(0.0);
     let depth = zero - after;
@@ -159,14 +165,15 @@ fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, friction: f32, h: 
     let pushed = n.mul_add(push, u);
     let relative = pushed - step;
     let slip = relative - n * n.dot(relative);
-    let friction = L::splat(friction) * grip;
+    let friction = L::splat(body.friction) * grip;
     let share = friction * push / slip.length().max(L::splat(1e-30));
     let held = pushed - slip * share.min(L::splat(1.0));
-    let freed = old.min(L::splat(DEPENETRATION * h));
+    let below = (old - L::splat(body.margin)).min(L::splat(DEPENETRATION * h));
+    let freed = old.min(below.max(L::splat(EMERGENCE * h)));
     let out = n.mul_add(freed, x);
     let inside = after.lt(zero);
     let mut after = Path { x: Vector::select(inside, out, x), u: Vector::select(inside, held, u), ..path };
-    let began_inside = L::and(inside, L::splat(INSIDE).lt(freed));
+    let began_inside = L::and(inside, L::splat(INSIDE).lt(old));
     if L::any(began_inside) {
         let holds = L::and(began_inside, path.grasp.lt(friction));
         let shares = L::and(began_inside, L::eq(path.grasp, friction));
@@ -176,7 +183,9 @@ fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, friction: f32, h: 
         let moved = x - start;
         let along = |v: Vector<L>| v - n * n.dot(v);
         let slid = along(moved);
-        let squeezed = L::and(began_inside, n.dot(moved).lt(L::splat(-INSIDE)));
+        // Another body moved it by no less than the slowest push, but for rounding.
+        let least = L::splat(INSIDE.min(0.5 * EMERGENCE * h));
+        let squeezed = L::and(began_inside, least.lt(zero - n.dot(moved)));
         let sticks = L::and(squeezed, slid.length().lt(after.grasp * freed));
         after.x = Vector::select(sticks, out - slid, after.x);
         after.u = Vector::select(sticks, pushed + along(after.holder_step - pushed), after.u);

@@ -13,7 +13,7 @@ const LEAST_TURN_COSINE: f64 = 0.5;
 
 /// A collider as the kernels take it, in local coordinates, moving from `last` to `now` during the step. Round surfaces
 /// are enlarged by 1.2 times the sagitta `l²/8R` of the longest edge, the depth to which it would cut into them between
-/// its ends.
+/// its ends. Cloth that starts within that margin emerges from it slowly ([`contact::EMERGENCE`]).
 pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
     let &Cloth { origin, longest_edge, mean_edge, .. } = cloth;
     let [shape, last] = [now, last].map(|collider| collider.relative_to(origin).shape);
@@ -35,6 +35,7 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
             kind: contact::ROUND,
             c: [from_taper, 0.0, 0.0, 0.0],
             c_travel: [to_taper - from_taper, 0.0, 0.0, 0.0],
+            margin: from.into_iter().chain(to).map(|(_, radius)| sagitta(radius)).fold(0.0, f32::max),
             ..Body::default()
         };
     }
@@ -74,6 +75,7 @@ pub(crate) fn moving(now: &Collider, last: &Collider, cloth: &Cloth) -> Body {
                 c: first.as_quat().to_array(),
                 c_travel: (to - first).as_quat().to_array(),
                 slick: slick(half, mean_edge),
+                margin: sagitta(radius0).max(sagitta(radius)),
                 ..Body::default()
             }
         }

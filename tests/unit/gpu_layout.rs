@@ -68,7 +68,7 @@ fn structs() -> Vec<Layout> {
         layout!(Listed { corners, lambda, other, thickness, row, next }),
         layout!(Status { half, listed, with_vertices, with_edges, since, ahead, h, stopped, needed, detections, near, acting, pressing, strayed, most_push, pushed, detects, longer, over, scale, mean, counted, vertices_before, edges_before, leaf_pairs, candidates, edge_candidates, space_needed, acted, passed, pinched, again, needed_carry, squeezed, jumped, shortens, cuts_more, drifted, through }),
         layout!(Track { start, by }),
-        layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel, slick, padding }),
+        layout!(Body { a, radius, b, friction, a_travel, radius_travel, b_travel, kind, c, c_travel, slick, margin, padding }),
     ]
 }
 
@@ -104,7 +104,7 @@ const ALONE: [&str; 37] = [
 fn constants() -> Vec<(&'static str, Literal)> {
     let mut all = literals! {
         U32 bending: MAX_PASSES;
-        F32 contact: DEPENETRATION, INSIDE, SWEPT, TOUCHING;
+        F32 contact: DEPENETRATION, EMERGENCE, INSIDE, SWEPT, TOUCHING;
         U32 contact: SWEEP_STEPS, BOX, PLANE;
         U32 device: MARK;
         F32 distance: TURN_GUARD, TAUT_BAND, STRETCH_GUARD, LEAST_PART, MIN_LENGTH;
