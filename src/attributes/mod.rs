@@ -32,7 +32,10 @@ pub struct Attributes {
     /// `dv/dt = -damping (v - wind)`.
     pub damping: f32,
     /// Bodies that the cloth cannot enter. A collider that moved since the last step moves at constant velocity through
-    /// this step, and contact and friction take that velocity into account.
+    /// this step, and contact and friction take that velocity into account. Where its velocity changes by `dv` from step to step along a
+    /// straight line, cloth that lies on it slips by `dv²/(2 mu g)` each time: by 15 to 19 mm in a second at 60 steps per second where it
+    /// accelerates by 2.6 m/s², nine tenths of what a friction of .3 can hold.
+    ///
     /// Colliders are resolved in the order of the list, so a vertex that two squeeze may end up inside the first. It sticks to the
     /// one with more friction, whatever presses them together (between two with the same, it goes half of each way), unless it slips
     /// out between surfaces that meet at more than the angle of friction: so a gripper's fingers, which overlap a little, lift a

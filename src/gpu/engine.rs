@@ -230,9 +230,9 @@ impl GpuEngine {
                     engine.dispatches += engine.encode_statistics(&mut submission);
                 }
                 let submission = submission.submit_with(|encoder| {
-                    together.iter_mut().for_each(|(_, engine, _)| engine.report.copy_if_due(encoder, &engine.commit.found));
+                    together.iter_mut().for_each(|(_, engine, _)| engine.encode_copies(encoder));
                 });
-                together.iter_mut().for_each(|(_, engine, _)| engine.report.ask_if_copied(&submission));
+                together.iter_mut().for_each(|(_, engine, _)| engine.ask_for_copies(&submission));
                 Ok(())
             });
             if let Err(reason) = submitted {

@@ -23,6 +23,8 @@ pub(crate) struct Counter {
     pending: VecDeque<Pending>,
     /// Staging buffers that can be used again.
     free: Vec<wgpu::Buffer>,
+    /// The one that what was encoded last copies the statistics to.
+    copied: Option<wgpu::Buffer>,
 }
 
 enum Pending {
@@ -44,7 +46,7 @@ impl Counter {
         let state = &forces.states[0];
         let bound = [&gauges, &state.x, &state.p].map(Bind::Read).into_iter().chain([Bind::Write(&counted)]).collect();
         let stage = Stage::new(gpu, &forces.uniforms, shaders::STATISTICS.entry("count"), &[bound]);
-        Counter { stage, counted, items, pending: VecDeque::new(), free: Vec::new() }
+        Counter { stage, counted, items, pending: VecDeque::new(), free: Vec::new(), copied: None }
     }
 
     /// Counts by another stage from now on.
@@ -62,17 +64,27 @@ impl Counter {
         self.stage.dispatch_workgroups(pass, 0, &[], self.items.div_ceil(WORKGROUP).clamp(1, MAX_WORKGROUPS));
     }
 
-    /// Requests the statistics after everything submitted. Returns the oldest that have not been returned if they are from
-    /// [`Counter::LATE`] steps before, or from any step if the engine `waits` for each step; waits for them if necessary.
-    pub(crate) fn send_for(&mut self, gpu: &Gpu, waits: bool) -> Result<Option<Statistics>, GpuFault> {
+    /// Copies the statistics after what was encoded.
+    pub(crate) fn copy(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) {
         let size = self.counted.size();
-        let staging = self.free.pop().unwrap_or_else(|| gpu.staging("statistics", size));
-        let submission = gpu.copy_to(&staging, &[&self.counted]);
+        let staging = self.copied.take().or_else(|| self.free.pop()).unwrap_or_else(|| gpu.staging("statistics", size));
+        encoder.copy_buffer_to_buffer(&self.counted, 0, &staging, 0, size);
+        self.copied = Some(staging);
+    }
+
+    /// Requests the statistics, if this submission, the last one, copied them.
+    pub(crate) fn ask_if_copied(&mut self, submission: &wgpu::SubmissionIndex) {
+        let mapping = self.copied.take().map(|staging| Mapping::new(staging, Some(submission.clone())));
+        self.pending.extend(mapping.map(Pending::UnderWay));
+    }
+
+    /// Returns the oldest statistics that have not been returned if they are from [`Counter::LATE`] steps before, or those of
+    /// the last step if the engine `waits` for each; waits for them if necessary.
+    pub(crate) fn received(&mut self, gpu: &Gpu, waits: bool) -> Result<Option<Statistics>, GpuFault> {
         if waits {
             // Those of steps that did not wait are not asked for any more.
-            self.pending.clear();
+            self.pending.drain(..self.pending.len().saturating_sub(1));
         }
-        self.pending.push_back(Pending::UnderWay(Mapping::new(staging, Some(submission))));
         let late = if waits { 0 } else { Counter::LATE };
         if self.pending.len() <= late || IN_BROWSER && !self.is_here(gpu)? {
             return Ok(None);

@@ -93,3 +93,7 @@ impl<'a> Submission<'a> {
         self.encoder.finish()
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/gpu_submission.rs"]
+mod tests;

@@ -109,8 +109,10 @@ pub enum Method {
 /// Corrections on coarse versions of the cloth before each sweep, which keep the strain from growing with the number of
 /// vertices. See "How it works" on the [front page](crate). Only for [`Method::SmallSteps`].
 ///
-/// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack. Small swings are damped, the
-/// second mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds and slowed by a tenth or more. Soft cloth, and fine cloth
+/// They are made for cloth that its load stretches. With few substeps they also act on what hangs slack. Swings are damped, the second
+/// mode of a hung sheet of 21 x 21 at 5 substeps by half in five seconds, and slowed, the more the smaller they are: those of a sheet of
+/// 1 m (41 x 41, cotton's bending stiffness) that hangs by an edge take 1 % longer at default quality where the hem swings by 10 cm, 5 %
+/// by 2 cm and 9 % by 1 cm, its second mode 14 % by 2 cm and 67 % by 1 cm; with 20 substeps at most 1 and 7 %. Soft cloth, and fine cloth
 /// with too few of its levels, is rolled up by a light wind from the side, and in still air hangs in folds of up to a few hundredths of
 /// its width. Where that matters, turn them [`Off`](Levels::Off) and take more substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -192,7 +192,7 @@ impl GpuEngine {
         self.encode_commit(&mut commit, swept);
         self.encode_statistics(&mut commit);
         self.dispatches += commit.dispatches();
-        let commit = commit.finish_with(|encoder| self.report.copy_if_due(encoder, &self.commit.found));
+        let commit = commit.finish_with(|encoder| self.encode_copies(encoder));
         let end = || {
             let mut x = Vec::new();
             let state = &self.forces.states[PING_PONG[ping_pong(plan.substeps.len() - 1)][1]];
@@ -202,7 +202,7 @@ impl GpuEngine {
         let judgment = contact.judge(gpu, plan, end)?;
         if matches!(judgment, Judgment::Good) {
             let submission = gpu.queue().submit([commit]);
-            self.report.ask_if_copied(&submission);
+            self.ask_for_copies(&submission);
         }
         Ok(judgment)
     }

@@ -80,6 +80,20 @@ impl GpuEngine {
         submission.dispatches() - before
     }
 
+    /// Encodes copies of what the CPU wants to know of the step.
+    pub(super) fn encode_copies(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        self.report.copy_if_due(encoder, &self.commit.found);
+        if let Some(counter) = self.counter.as_mut().filter(|_| self.counts) {
+            counter.copy(&self.gpu, encoder);
+        }
+    }
+
+    /// Asks for the copies that this submission, the last one, contains.
+    pub(super) fn ask_for_copies(&mut self, submission: &wgpu::SubmissionIndex) {
+        self.report.ask_if_copied(submission);
+        self.counter.iter_mut().for_each(|counter| counter.ask_if_copied(submission));
+    }
+
     /// The levels, if the step uses any.
     pub(super) fn multigrid(&self, plan: &Plan<'_>) -> Option<&Multigrid> {
         self.multigrid.as_ref().filter(|_| plan.params.levels > 0)

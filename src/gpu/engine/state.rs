@@ -20,8 +20,8 @@ use crate::options::Contact;
 use crate::past::Past;
 
 impl GpuEngine {
-    /// Requests the statistics of the submitted step, if it computes any; returns those that have arrived. After a step without, those of
-    /// earlier steps are not returned any more.
+    /// Statistics that have arrived, after a step that computes any. After a step without, those of earlier steps are not returned any
+    /// more.
     pub(crate) fn statistics(&mut self) -> Result<Option<Statistics>, Failure> {
         let GpuEngine { gpu, counter, counts, contact, .. } = self;
         let Some(counter) = counter else { return Ok(None) };
@@ -29,7 +29,7 @@ impl GpuEngine {
             counter.forget();
             return Ok(None);
         }
-        gpu.checked(|| counter.send_for(gpu, contact.is_some())).map_err(Failure::Gpu)
+        gpu.checked(|| counter.received(gpu, contact.is_some())).map_err(Failure::Gpu)
     }
 
     /// Sets the state.
