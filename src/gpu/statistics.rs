@@ -128,6 +128,11 @@ impl Counter {
         self.pending = pending.iter().map(|&seen| Pending::Here(Box::new(seen))).collect();
     }
 
+    /// Drops the statistics of the last step.
+    pub(crate) fn drop_last(&mut self) {
+        self.pending.pop_back();
+    }
+
     /// Drops the statistics that have not been returned.
     pub(crate) fn forget(&mut self) {
         self.pending.clear();

@@ -31,7 +31,8 @@ impl<'a> Submission<'a> {
         Submission::after(gpu, |_| ())
     }
 
-    /// For cloths of which none waits for another. A second submission would wait for the first, so there is one.
+    /// For cloths of which none waits for another. A second submission would wait for the first, so there is one, up to
+    /// [`LONGEST`] dispatches.
     pub(crate) fn of_crowd(gpu: &'a Gpu) -> Submission<'a> {
         Submission { most: [LONGEST; 2], ..Submission::new(gpu) }
     }

@@ -41,7 +41,7 @@ pub(crate) struct Body {
     pub c_travel: [f32; 4],
     /// Box: width (m) of the strip along a sharp edge in which friction fades toward the edge (`rounded_box::grip`).
     pub slick: f32,
-    /// By how much (m) the surface is enlarged.
+    /// By how much (m) the surface is enlarged at most.
     pub margin: f32,
     pub padding: [f32; 2],
 }
@@ -183,7 +183,7 @@ fn respond<L: Lanes>(path: Path<L>, contact: ContactPoint<L>, body: &Body, h: f3
         let moved = x - start;
         let along = |v: Vector<L>| v - n * n.dot(v);
         let slid = along(moved);
-        // Another body moved it by no less than the slowest push, but for rounding.
+        // Once two squeeze it, the other moves it by no less than the slowest push, but for rounding.
         let least = L::splat(INSIDE.min(0.5 * EMERGENCE * h));
         let squeezed = L::and(began_inside, least.lt(zero - n.dot(moved)));
         let sticks = L::and(squeezed, slid.length().lt(after.grasp * freed));

@@ -10,6 +10,7 @@ use crate::error::failure::Failure;
 use crate::gpu::contact::encode::COMPARERS;
 use crate::gpu::contact::{GpuContact, Judgment};
 use crate::gpu::state::{PING_PONG, ping_pong};
+use crate::gpu::statistics::Counter;
 use crate::gpu::submission::Submission;
 use crate::kernels::params::Params;
 use crate::model::cloth::Cloth;
@@ -143,7 +144,12 @@ impl GpuEngine {
                 Judgment::Crowded(pairs) => return Err(Failure::Crowded(pairs)),
             }
         }
-        self.ignore_pinched(contact, plan)
+        let ignored = self.ignore_pinched(contact, plan);
+        if ignored.is_err() && self.counts {
+            // Nobody asks for those of a step that failed.
+            self.counter.iter_mut().for_each(Counter::drop_last);
+        }
+        ignored
     }
 
     /// Searches for intersections at the start of the step.

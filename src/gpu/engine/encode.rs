@@ -91,7 +91,7 @@ impl GpuEngine {
     /// Asks for the copies that this submission, the last one, contains.
     pub(super) fn ask_for_copies(&mut self, submission: &wgpu::SubmissionIndex) {
         self.report.ask_if_copied(submission);
-        self.counter.iter_mut().for_each(|counter| counter.ask_if_copied(submission));
+        self.counter.iter_mut().filter(|_| self.counts).for_each(|counter| counter.ask_if_copied(submission));
     }
 
     /// The levels, if the step uses any.
