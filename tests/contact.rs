@@ -616,24 +616,29 @@ impl Laid {
         hanging[0]
     }
 
-    /// How far (m) one end moves in 4 s if so much (m) hangs down at the other. It starts half a millimeter above the surface that the
-    /// collider is given.
+    /// How far (m) one end moves along the strip in 4 s if so much (m) hangs down at the other. It starts half a millimeter above the
+    /// surface that the collider is given.
     fn slides(&self, hanging: f32, backend: Backend, quality: Quality) -> f32 {
         let (from, turn) = (self.from, FRAC_PI_2 - self.from);
         let mut mesh = Mesh::grid(4, 31, 0.1, STRIP);
         mesh.positions.iter_mut().for_each(|x| {
             let along = x.z - 0.5 * STRIP + hanging + turn * BEND;
             let (angle, above) = (from + (along / BEND).clamp(0.0, turn), BEND + ABOVE);
-            let before = along.min(0.0) * Vec3::new(from.cos(), -from.sin(), 0.0);
+            let before = along.min(0.0) * self.way();
             *x = before + Vec3::new(above * angle.sin(), above * angle.cos() - (along - turn * BEND).max(0.0), x.x);
         });
         let attributes = Attributes { colliders: vec![self.on.clone().with_friction(GRIP)], ..Attributes::default() };
         let mut strip = Deformer::new(&mesh, Options { backend, quality, ..Options::default() }).unwrap();
         play(&mut strip, 240, &attributes);
-        strip.positions().unwrap()[0].distance(mesh.positions[0])
+        (strip.positions().unwrap()[0] - mesh.positions[0]).dot(self.way()).abs()
     }
 
-    /// With less hanging down than that it slides by little more than it needs to lie around the enlarged surface, and with more it slides
+    /// The direction of the strip before it touches the round surface.
+    fn way(&self) -> Vec3 {
+        Vec3::new(self.from.cos(), -self.from.sin(), 0.0)
+    }
+
+    /// With less hanging down than that it slides by at most what it needs to lie around the enlarged surface, and with more it slides
     /// off. Shares are of what friction adds to the length that is `even` (m) without.
     fn check(&self, even: f32, more: f32, backend: Backend) {
         let longest = STRIP / 30.0 * std::f32::consts::SQRT_2;
@@ -642,7 +647,7 @@ impl Laid {
             for (share, holds) in [(0.7, true), (more, false)] {
                 let slid = self.slides(even + share * (self.critical() - even), backend, quality);
                 println!("{quality:?}, {share} of what is held: slid by {slid} m");
-                let stays = if holds { slid < 1.2 * needed } else { slid > 0.1 };
+                let stays = if holds { slid < needed } else { slid > 0.1 };
                 assert!(stays, "{quality:?}, {share} of what is held: slid by {slid} m, and needs {needed} m");
             }
         }
@@ -654,7 +659,7 @@ impl Laid {
 fn a_strip_laid_over_a_round_edge_is_held_by_friction(backend: Backend) {
     let center = Vec3::new(BEND - 2.0, BEND - 1.0, 0.0);
     let table = Collider::rounded_box(center, Vec3::new(2.0, 1.0, 1.0), Quat::IDENTITY, BEND);
-    Laid { on: table, from: 0.0 }.check(0.0, 1.3, backend);
+    Laid { on: table, from: 0.0 }.check(0.0, 1.15, backend);
 }
 
 /// A strip hangs over a limb, with more of it on one side, which the other side and friction hold. It was shot off altogether. It has
